@@ -1,0 +1,7 @@
+#include "bind/arrays.hpp"
+
+NB_MODULE(_core, m) {
+  m.doc() = "The mathematics of sonocal, in C++.";
+  bind_solvers(m);
+  bind_estimate(m);
+}

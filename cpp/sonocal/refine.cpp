@@ -1,0 +1,49 @@
+#include "sonocal/refine.hpp"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <limits>
+
+namespace sonocal {
+
+namespace {
+
+constexpr double kFirstDamping = 1e-4;
+constexpr double kSmallestDamping = 1e-12;
+constexpr double kLargestDamping = 1e12;
+// Parameters are of order one (normalised coordinates): a step below this moves nothing.
+constexpr double kConvergedStep = 1e-11;
+
+}  // namespace
+
+Refinement refine(const NormalEquations& equations, const Transform& start, Model model, int max_iterations) {
+  Refinement result{start, equations.cost(start), 0, false};
+  TangentMatrix jtj, damped;
+  Tangent jtr, step;
+  double damping = kFirstDamping;
+  // The quadratic form is exact to about its rounding error, not to zero; differences below it are noise.
+  const double rounding = 64 * std::numeric_limits<double>::epsilon() * (equations.rows() + 1);
+  while (result.iterations < max_iterations && !result.converged) {
+    ++result.iterations;
+    equations.linearise(result.transform, model, jtj, jtr);
+    while (true) {
+      damped = jtj;
+      damped.diagonal() *= 1.0 + damping;
+      step = -damped.ldlt().solve(jtr);
+      const Transform next = retract(result.transform, step);
+      const double cost = equations.cost(next);
+      if (cost <= result.cost + rounding) {
+        result.transform = next;
+        result.cost = cost;
+        result.converged = step.lpNorm<Eigen::Infinity>() < kConvergedStep;
+        damping = std::fmax(damping * 0.1, kSmallestDamping);
+        break;
+      }
+      damping *= 10.0;
+      if (damping > kLargestDamping || !step.allFinite()) return result;
+    }
+  }
+  return result;
+}
+
+}  // namespace sonocal

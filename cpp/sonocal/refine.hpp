@@ -1,0 +1,18 @@
+// Levenberg-Marquardt over rotation, translation and scale.
+#pragma once
+
+#include "sonocal/normal_equations.hpp"
+
+namespace sonocal {
+
+struct Refinement {
+  Transform transform;
+  double cost = 0;  // sum of squared distances
+  int iterations = 0;
+  bool converged = false;
+};
+
+// min over R, t, s of sum_i d(L_i, A x_i)^2: paper section 8.
+Refinement refine(const NormalEquations& equations, const Transform& start, Model model, int max_iterations);
+
+}  // namespace sonocal

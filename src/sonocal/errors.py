@@ -1,0 +1,58 @@
+"""What can go wrong, as a tree.
+
+SonocalError                       every failure sonocal foresees: one sentence, exit status 1
+├── InputError                     what arrived cannot be used: file, row, field, value, remedy
+│   └── FormatError                a file that is not what its name or header says
+├── DegenerateGeometryError        the data leave a motion free: which one, and what to scan next
+├── NoConsensusError               no calibration agrees with enough rows
+└── UnsupportedError               sound input that sonocal does not handle
+"""
+
+__all__ = [
+    "DegenerateGeometryError",
+    "FormatError",
+    "InputError",
+    "NoConsensusError",
+    "SonocalError",
+    "UnsupportedError",
+]
+
+
+class SonocalError(Exception):
+    """Every failure that sonocal foresees; its text is one sentence for the user."""
+
+
+class InputError(SonocalError):
+    """What arrived cannot be used: says the file, row and field, what arrived and what to do."""
+
+
+class FormatError(InputError):
+    """A file is not what its name or its header says it is."""
+
+
+class DegenerateGeometryError(SonocalError):
+    """The data leave a motion of the image free.
+
+    Attributes:
+        code: short name of the configuration, for programs, such as ``"parallel-lines"``.
+    """
+
+    def __init__(self, message: str, code: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class NoConsensusError(SonocalError):
+    """No calibration agrees with enough rows.
+
+    Attributes:
+        best_count: the largest number of rows that any candidate agreed with.
+    """
+
+    def __init__(self, message: str, best_count: int) -> None:
+        super().__init__(message)
+        self.best_count = best_count
+
+
+class UnsupportedError(SonocalError):
+    """Sound input that sonocal does not handle."""

@@ -1,0 +1,340 @@
+"""Sightings of straight things: a point in the image against a line in the probe marker's frame.
+
+One row is one point. A 2D probe sees a needle as one point; a 3D probe sees a line, given by two or
+more rows of the same split, frame and target.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sonocal.errors import FormatError, InputError
+from sonocal.geometry import Array
+
+__all__ = ["Observations", "read_observations", "write_observations"]
+
+SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
+REQUIRED_COLUMNS = ("frame", "target", "u_px", "v_px", *SEGMENT_COLUMNS)
+KNOWN_COLUMNS = (*REQUIRED_COLUMNS, "w_px", "split", "sigma_px", "sigma_mm")
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """A table of sightings; all arrays have one entry a row.
+
+    Args:
+        points_px: (N, 2) for a 2D probe or (N, 3) for a 3D probe: ``(u, v[, w])``, px.
+        segments_mm: (N, 2, 3): the two end points of the line, mm, in the probe marker's frame.
+        frame: (N,) integers; rows of one frame share an image. Default: every row its own frame.
+        target: (N,) text: which needle or wire. Default: one target.
+        split: (N,) text: which part of the data the row belongs to. Default: all in one, "".
+        sigma_px: (N,) standard deviation of the point, px, or None when unknown.
+        sigma_mm: (N,) standard deviation of the segment's end points, mm, or None when unknown.
+        extra: further columns of the file, as text, kept for writing.
+        source: the name that messages give the table.
+        lines: (N,) line of each row in the file, for messages.
+        sha256: digest of the file, or "".
+
+    Raises:
+        InputError: a shape does not fit, a value is not finite, a segment has no length, or a row
+            stands twice.
+    """
+
+    points_px: Array
+    segments_mm: Array
+    frame: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
+    target: NDArray[np.str_] = field(default=None)  # type: ignore[assignment]
+    split: NDArray[np.str_] = field(default=None)  # type: ignore[assignment]
+    sigma_px: Array | None = None
+    sigma_mm: Array | None = None
+    extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    source: str = "observations"
+    lines: NDArray[np.int64] | None = None
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        points = np.ascontiguousarray(self.points_px, dtype=float)
+        segments = np.ascontiguousarray(self.segments_mm, dtype=float)
+        if points.ndim != 2 or points.shape[1] not in (2, 3):
+            raise InputError(f"{self.source}: points_px must have shape (N, 2) or (N, 3); got {points.shape}")
+        count = len(points)
+        if segments.shape != (count, 2, 3):
+            raise InputError(
+                f"{self.source}: segments_mm must have shape ({count}, 2, 3), one a point; got {segments.shape}"
+            )
+        self._set("points_px", points)
+        self._set("segments_mm", segments)
+        self._set_column("frame", np.arange(count) if self.frame is None else self.frame, np.int64)
+        self._set_column("target", np.full(count, "needle") if self.target is None else self.target, np.str_)
+        self._set_column("split", np.full(count, "") if self.split is None else self.split, np.str_)
+        for name in ("sigma_px", "sigma_mm"):
+            if getattr(self, name) is not None:
+                self._set_column(name, getattr(self, name), np.float64)
+        self._check_values()
+
+    def __len__(self) -> int:
+        return len(self.points_px)
+
+    @property
+    def dimension(self) -> int:
+        """2 for a 2D probe, 3 for a 3D probe."""
+        return int(self.points_px.shape[1])
+
+    @property
+    def sightings(self) -> NDArray[np.int64]:
+        """(N,): a number a sighting, counted from 0: rows of one split, frame and target share it."""
+        keys = np.rec.fromarrays([self.split, self.frame, self.target])
+        return np.asarray(np.unique(keys, return_inverse=True)[1].reshape(-1), dtype=np.int64)
+
+    def select(self, rows: ArrayLike) -> Observations:
+        """The table of some rows, given by a mask or by indices."""
+        index = np.asarray(rows)
+        columns = {
+            name: value[index]
+            for name in ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
+            if (value := getattr(self, name)) is not None
+        }
+        return replace(self, **columns, extra={name: column[index] for name, column in self.extra.items()})
+
+    def select_split(self, name: str) -> Observations:
+        """The rows of one split.
+
+        Raises:
+            InputError: no row has that split; the sentence names those there are.
+        """
+        rows = self.split == name
+        if not rows.any():
+            have = ", ".join(repr(str(s)) for s in np.unique(self.split)) or "none"
+            raise InputError(f"{self.source}: no row has split {name!r}; the splits in it are {have}")
+        return self.select(rows)
+
+    def where(self, row: int) -> str:
+        """How messages name a row."""
+        if self.lines is None:
+            return f"{self.source}, row {row}"
+        return f"{self.source}, line {self.lines[row]}"
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _set_column(self, name: str, values: ArrayLike, kind: type) -> None:
+        try:
+            column = np.asarray(values).astype(kind, casting="same_kind" if kind is np.int64 else "unsafe")
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{self.source}: {name} must be {kind.__name__}; {error}") from None
+        if column.shape != (len(self),):
+            raise InputError(f"{self.source}: {name} must have shape ({len(self)},); got {column.shape}")
+        self._set(name, column)
+
+    def _check_values(self) -> None:
+        columns = dict(zip(("u_px", "v_px", "w_px"), self.points_px.T, strict=False))
+        columns |= dict(zip(SEGMENT_COLUMNS, self.segments_mm.reshape(-1, 6).T, strict=True))
+        for name, values in columns.items():
+            if (row := _first(~np.isfinite(values))) is not None:
+                raise InputError(
+                    f"{self.where(row)}, column {name}: {values[row]} is not a finite number; "
+                    "leave out rows that were not seen"
+                )
+        for name in ("sigma_px", "sigma_mm"):
+            sigma = getattr(self, name)
+            if sigma is not None and (row := _first(~(np.isfinite(sigma) & (sigma > 0)))) is not None:
+                raise InputError(
+                    f"{self.where(row)}, column {name}: {sigma[row]} is not a positive number; "
+                    "give a standard deviation, or drop the column"
+                )
+        lengths = np.linalg.norm(self.segments_mm[:, 1] - self.segments_mm[:, 0], axis=1)
+        if (row := _first(lengths == 0)) is not None:
+            end = ", ".join(f"{x:g}" for x in self.segments_mm[row, 0])
+            raise InputError(
+                f"{self.where(row)}: the segment has zero length, both ends are at ({end}) mm; "
+                "give two different points of the needle"
+            )
+        if (pair := self._duplicate()) is not None:
+            first, second = pair
+            raise InputError(
+                f"{self.where(second)}: repeats {self.where(first).removeprefix(self.source + ', ')} "
+                f"(frame {self.frame[first]}, target {self.target[first]!r}) value for value; "
+                "delete one, a copy is not a second measurement"
+            )
+
+    def _duplicate(self) -> tuple[int, int] | None:
+        numbers = np.column_stack([self.points_px, self.segments_mm.reshape(-1, 6), self.sightings])
+        numbers = np.ascontiguousarray(numbers + 0.0)  # -0.0 and 0.0 are the same place
+        packed = numbers.view(np.dtype((np.void, numbers.dtype.itemsize * numbers.shape[1]))).reshape(-1)
+        unique, first, inverse = np.unique(packed, return_index=True, return_inverse=True)
+        if len(unique) == len(packed):
+            return None
+        second = int(np.flatnonzero(first[inverse.reshape(-1)] != np.arange(len(packed)))[0])
+        return int(first[inverse.reshape(-1)[second]]), second
+
+
+def _first(mask: NDArray[np.bool_]) -> int | None:
+    rows = np.flatnonzero(mask)
+    return int(rows[0]) if len(rows) else None
+
+
+def read_observations(path: str | Path) -> Observations:
+    """Read a table of sightings from a CSV file.
+
+    Columns: ``frame, target, u_px, v_px[, w_px], x0_mm, y0_mm, z0_mm, x1_mm, y1_mm, z1_mm[, split]
+    [, sigma_px][, sigma_mm]``; further columns are kept as text.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The table; it has three image coordinates when there is a ``w_px`` column.
+
+    Raises:
+        InputError: the file cannot be read, a column is missing, or a value is wrong; the sentence
+            names the file, line and column.
+        FormatError: the file is not a CSV table.
+    """
+    path = Path(path)
+    with _reading(path):
+        data = path.read_bytes()
+    header, rows, lines = _parse_csv(path.name, data)
+    _check_header(path.name, header)
+    if not rows:
+        raise InputError(f"{path.name}: has a header but no rows; write one row a sighting")
+    text = dict(zip(header, zip(*rows, strict=True), strict=True))
+    numbers = {
+        name: _numbers(path.name, name, text[name], lines)
+        for name in (*REQUIRED_COLUMNS[2:], "w_px", "sigma_px", "sigma_mm")
+        if name in text
+    }
+    return Observations(
+        points_px=np.column_stack([numbers[n] for n in ("u_px", "v_px", "w_px") if n in numbers]),
+        segments_mm=np.column_stack([numbers[n] for n in SEGMENT_COLUMNS]).reshape(-1, 2, 3),
+        frame=_frames(path.name, text["frame"], lines),
+        target=np.array([t.strip() for t in text["target"]], dtype=np.str_),
+        split=np.array([s.strip() for s in text["split"]], dtype=np.str_) if "split" in text else None,  # type: ignore[arg-type]
+        sigma_px=numbers.get("sigma_px"),
+        sigma_mm=numbers.get("sigma_mm"),
+        extra={name: np.array(text[name], dtype=np.str_) for name in header if name not in KNOWN_COLUMNS},
+        source=path.name,
+        lines=np.array(lines, dtype=np.int64),
+        sha256=hashlib.sha256(data).hexdigest(),
+    )
+
+
+def write_observations(observations: Observations, path: str | Path) -> None:
+    """Write a table of sightings; reading it again gives the same numbers to the last bit.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    columns: dict[str, Iterable[object]] = {
+        "frame": observations.frame.tolist(),
+        "target": observations.target.tolist(),
+    }
+    columns |= dict(zip(("u_px", "v_px", "w_px"), observations.points_px.T.tolist(), strict=False))
+    columns |= dict(zip(SEGMENT_COLUMNS, observations.segments_mm.reshape(-1, 6).T.tolist(), strict=True))
+    if np.any(observations.split != ""):
+        columns["split"] = observations.split.tolist()
+    for name in ("sigma_px", "sigma_mm"):
+        if (sigma := getattr(observations, name)) is not None:
+            columns[name] = sigma.tolist()
+    columns |= {name: column.tolist() for name, column in observations.extra.items()}
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    try:
+        Path(path).write_text(text.getvalue(), encoding="utf-8", newline="")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file; check the name and the folder") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a directory; name the CSV file of observations in it") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+
+
+def _parse_csv(name: str, data: bytes) -> tuple[list[str], list[list[str]], list[int]]:
+    if not data.strip():
+        raise InputError(f"{name}: is empty; it needs a header with the columns {', '.join(REQUIRED_COLUMNS)}")
+    try:
+        content = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        content = "\0"
+    if "\0" in content:
+        raise FormatError(f"{name}: is not a text file; observations are a CSV table in UTF-8")
+    reader = csv.reader(io.StringIO(content, newline=""), strict=True)
+    rows, lines = [], []
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                rows.append(row)
+                lines.append(reader.line_num)
+    except csv.Error as error:
+        raise FormatError(f"{name}, line {reader.line_num}: is not CSV ({error})") from None
+    header = [cell.strip() for cell in rows[0]]
+    for row, line in zip(rows[1:], lines[1:], strict=True):
+        if len(row) != len(header):
+            raise FormatError(
+                f"{name}, line {line}: has {len(row)} cells where the header has {len(header)}; "
+                "quote cells that hold a comma"
+            )
+    return header, rows[1:], lines[1:]
+
+
+def _check_header(name: str, header: Sequence[str]) -> None:
+    missing = [column for column in REQUIRED_COLUMNS if column not in header]
+    if len(missing) == len(REQUIRED_COLUMNS):
+        raise FormatError(
+            f"{name}, line 1: is not the header of an observation table; it needs the columns "
+            f"{', '.join(REQUIRED_COLUMNS)}, separated by commas"
+        )
+    if missing:
+        plural = "s" if len(missing) > 1 else ""
+        raise InputError(
+            f"{name}, line 1: lacks the column{plural} {', '.join(missing)}; the header has {', '.join(header)}"
+        )
+    twice = [column for column in header if header.count(column) > 1]
+    if twice:
+        raise InputError(f"{name}, line 1: has the column {twice[0]} twice; rename or delete one")
+
+
+def _numbers(name: str, column: str, cells: Sequence[str], lines: Sequence[int]) -> Array:
+    try:
+        return np.array([float(cell) for cell in cells])
+    except ValueError:
+        row = next(i for i, cell in enumerate(cells) if not _is_number(cell))
+    arrived = f"{cells[row].strip()!r} is not a number" if cells[row].strip() else "the cell is empty"
+    raise InputError(f"{name}, line {lines[row]}, column {column}: {arrived}; write a decimal number such as 12.5")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _frames(name: str, cells: Sequence[str], lines: Sequence[int]) -> NDArray[np.int64]:
+    try:
+        return np.array([int(cell) for cell in cells], dtype=np.int64)
+    except (ValueError, OverflowError):
+        row = next(i for i, cell in enumerate(cells) if not cell.strip().lstrip("+-").isdigit() or len(cell) > 18)
+    raise InputError(
+        f"{name}, line {lines[row]}, column frame: {cells[row].strip()!r} is not a whole number; "
+        "number the images, rows of one image share its number"
+    )
