@@ -183,11 +183,8 @@ class Loop {
   bool optimise(int rounds, int iterations) {
     bool converged = false;
     for (int round = 0; round < rounds; ++round) {
-      const NormalEquations equations = agreeing();
-      if (2 * equations.rows() <= parameter_count(options_.model)) return false;
-      const Refinement refined = refine(equations, best_.transform, options_.model, iterations);
-      const double score =
-          rows_.truncated_sum(refined.transform, limit_, std::numeric_limits<double>::infinity());
+      const Refinement refined = refit(limit_, iterations);
+      const double score = score_of(refined.transform);
       converged = refined.converged;
       const bool better = score < best_.score;
       if (score <= best_.score) best_ = {refined.transform, score, best_.count};
@@ -198,10 +195,31 @@ class Loop {
     return converged;
   }
 
-  NormalEquations agreeing() {
+  // Two fits that differ by a row near the threshold are both stable. Refitting from the rows within half
+  // and twice the threshold finds the better one, whatever the samples happened to be.
+  void try_other_thresholds() {
+    bool improved = true;
+    for (int round = 0; improved && round < kLocalRounds; ++round) {
+      improved = false;
+      for (const double factor : {0.25, 4.0})
+        improved |= consider(refit(factor * limit_, kLocalIterations).transform);
+    }
+  }
+
+  Refinement refit(double limit, int iterations) {
+    const NormalEquations equations = agreeing(limit);
+    if (2 * equations.rows() <= parameter_count(options_.model)) return {best_.transform, 0, 0, false};
+    return refine(equations, best_.transform, options_.model, iterations);
+  }
+
+  double score_of(const Transform& a) const {
+    return rows_.truncated_sum(a, limit_, std::numeric_limits<double>::infinity());
+  }
+
+  NormalEquations agreeing(double limit) {
     rows_.squared_distances(best_.transform, squares_);
     NormalEquations equations(rows_.dimension());
-    equations.add_inliers(rows_, squares_, limit_);
+    equations.add_inliers(rows_, squares_, limit);
     return equations;
   }
 
@@ -217,8 +235,9 @@ class Loop {
   void finish(Estimate& result) {
     result.best_count = best_.count;
     if (!std::isfinite(best_.score)) return;
+    try_other_thresholds();
     result.converged = optimise(kFinalRounds, kFinalIterations);
-    const NormalEquations equations = agreeing();
+    const NormalEquations equations = agreeing(limit_);
     result.squares = squares_;
     result.best_count = equations.rows();
     report(rows_, best_.transform, equations, options_.model, result);

@@ -12,7 +12,7 @@ import numpy as np
 
 from sonocal.calibration import Calibration, ErrorStatistics
 from sonocal.diagnostics import Diagnostic
-from sonocal.errors import FormatError, UnsupportedError
+from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.geometry import AxisScaled, Similarity
 from sonocal.registration.noise import Noise
@@ -124,7 +124,7 @@ def parse_calibration(content: bytes, name: str) -> Calibration:
         )
     try:
         return _from_record(msgspec.convert(head, _Record))
-    except (msgspec.ValidationError, ValueError) as error:
+    except (msgspec.ValidationError, ValueError, InputError) as error:
         raise FormatError(f"{name}: is a damaged calibration file ({error}); calibrate again") from None
 
 

@@ -154,11 +154,11 @@ def demo(output: Path, dimension: str, needles: int, outliers: float, seed: int)
     from sonocal.calibration_file import calibration_json
     from sonocal.files import write_into_folder
     from sonocal.observations import observations_csv
-    from sonocal.simulation.scene import simulate_observations
+    from sonocal.simulation.scene import IMAGE_PX, simulate_observations
     from sonocal.terminal import print_calibration, print_truth
 
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
-    calibration = sonocal.calibrate(simulated.observations)
+    calibration = sonocal.calibrate(simulated.observations, image_size_px=(IMAGE_PX,) * int(dimension))
     files = {
         "observations.csv": observations_csv(simulated.observations),
         "calibration.json": calibration_json(calibration),

@@ -187,7 +187,7 @@ class Observations:
             first, second = pair
             raise InputError(
                 f"{self.where(second)}: repeats {self.where(first).removeprefix(self.source + ', ')} "
-                f"(frame {self.frame[first]}, target {self.target[first]!r}) value for value; "
+                f"(frame {self.frame[first]}, target {str(self.target[first])!r}) value for value; "
                 "delete one, a copy is not a second measurement"
             )
 

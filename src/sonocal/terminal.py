@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.markup import escape
@@ -11,7 +12,7 @@ from rich.text import Text
 
 from sonocal.calibration import Calibration, ErrorStatistics
 from sonocal.diagnostics import Diagnostic
-from sonocal.geometry import similarity_errors
+from sonocal.geometry import segment_directions, similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
 from sonocal.simulation.scene import SimulatedSightings
@@ -49,7 +50,7 @@ def print_truth(console: Console, calibration: Calibration, simulated: Simulated
     worst = float((missed**2).sum(axis=-1).max() ** 0.5)
     table.add_row(
         "",
-        f"{angle * 57.29578:.3f}",
+        f"{np.degrees(angle):.3f}",
         f"{distance:.3f}",
         f"{scale:.6f}",
         f"{worst:.2f} (predicted < {below.max():.2f})",
@@ -59,10 +60,12 @@ def print_truth(console: Console, calibration: Calibration, simulated: Simulated
 
 def print_observations(console: Console, observations: Observations) -> None:
     """What is in a table of sightings."""
-    from sonocal.geometry import segment_directions
-
     table = Table(
-        title=f"{observations.source}: sightings for a {observations.dimension}D probe", title_justify="left"
+        title=f"{observations.source}: sightings for a {observations.dimension}D probe",
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
     )
     for name in (
         "split",
@@ -81,7 +84,7 @@ def print_observations(console: Console, observations: Observations) -> None:
             f"{low:.0f} to {high:.0f}"
             for low, high in zip(part.points_px.min(0), part.points_px.max(0), strict=True)
         ]
-        spread = direction_spread(segment_directions(part.segments_mm)) * 57.29578
+        spread = np.degrees(direction_spread(segment_directions(part.segments_mm)))
         table.add_row(
             escape(name) or "(none)",
             str(len(part)),
@@ -101,7 +104,7 @@ def _verdict(calibration: Calibration) -> Text:
     worst = calibration.predicted_errors()[2].max()
     trust = f"expect errors up to {worst:.1f} mm (95 %) at the image corners"
     if calibration.warnings:
-        return Text(f"Use with care: {trust}, if at all; read the warnings.", style="bold yellow")
+        return Text(f"Use with care: {trust}; the warnings say why it may be more.", style="bold yellow")
     why = f"; the fit's {calibration.fit.rms_mm:.2f} mm is how well rows agree, not how well the image is placed"
     return Text(f"Sound: {trust}", style="bold green") + Text(why, style="default")
 
@@ -155,12 +158,10 @@ def _prediction_table(calibration: Calibration) -> Table:
 
 def _matrix(calibration: Calibration) -> RenderableType:
     transform = calibration.probe_from_image
-    table = Table(
-        title="probe_from_image (PLUS: ImageToProbe): mm in the probe marker's frame from px",
-        title_justify="left",
-        title_style="bold",
-        show_header=False,
+    title = Text(
+        "probe_from_image (PLUS: ImageToProbe): mm in the probe marker's frame from px", style="bold"
     )
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 1))
     for row in transform.matrix:
         table.add_row(*(f"{x: .6f}" for x in row))
     scales = transform.scales
@@ -171,6 +172,7 @@ def _matrix(calibration: Calibration) -> RenderableType:
     else:
         scale = f"{scales[0]:.5f} mm/px along u, {scales[1]:.5f} mm/px along v"
     return Group(
+        title,
         table,
         Text(
             f"Scale: {scale}; the scale is inside the matrix, and the origin is the centre of the first pixel."

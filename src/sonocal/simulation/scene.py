@@ -11,11 +11,11 @@ from sonocal.errors import InputError
 from sonocal.geometry import Array, Similarity
 from sonocal.observations import Observations
 
-__all__ = ["PAPER_SCALE_MM_PER_PX", "simulate_observations"]
+__all__ = ["IMAGE_PX", "PAPER_SCALE_MM_PER_PX", "SimulatedSightings", "simulate_observations"]
 
 PAPER_SCALE_MM_PER_PX = 0.24
 NEEDLE_MM = 400.0
-IMAGE_PX = 500.0
+IMAGE_PX = 500
 MARKER_DISTANCE_MM = 100.0
 
 
