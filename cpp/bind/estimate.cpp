@@ -1,66 +1,45 @@
-// The whole estimate in one call.
-#include <nanobind/stl/string.h>
+// The whole estimate in one call, refinement alone, and whitened residuals.
+#include "sonocal/estimate.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <optional>
+#include <string>
+#include <tuple>
 
 #include "bind/arrays.hpp"
-#include "sonocal/consensus.hpp"
 
 using namespace nb::literals;
 using namespace sonocal;
 
 namespace {
 
-// The tangent's map from normalised to original coordinates: the rotation turns about the image's
-// centre there and about its origin here, so a turn and a growth move the origin too.
-TangentMatrix tangent_to_original(const Transform& original, const Normalisation& normalisation,
-                                  Model model) {
-  const int k = parameter_count(model);
-  const Matrix3d s = original.linear();
-  const Vector3d centre = normalisation.image_centre;
-  TangentMatrix map = TangentMatrix::Identity(k, k);
-  map.block<3, 3>(3, 0) = cross_matrix(s * centre);
-  map.block<3, 3>(3, 3) *= normalisation.size;
-  if (model == Model::kSimilarity)
-    map.block<3, 1>(3, 6) = -s * centre;
-  else
-    for (int axis = 0; axis < 2; ++axis) map.block<3, 1>(3, 6 + axis) = -s.col(axis) * centre[axis];
-  return map;
+using Points = In<double, nb::shape<-1, 3>>;
+using Segments = In<double, nb::shape<-1, 2, 3>>;
+using Codes = std::optional<In<std::int32_t, nb::ndim<1>>>;
+using Factors = std::optional<In<double, nb::ndim<1>>>;
+using Chosen = In<bool, nb::ndim<1>>;
+
+template <class Array>
+auto data_of(const std::optional<Array>& array, std::size_t rows) -> decltype(array->data()) {
+  if (!array) return nullptr;
+  if (array->shape(0) != rows) throw nb::value_error("the arrays differ in their number of rows");
+  return array->data();
 }
 
-struct PyEstimate {
-  bool found, converged;
-  int inliers, samples, best_count;
-  Out<double> rotation, translation, scales, squares;
-  // (J'J)^-1: the tangent's covariance for residuals of 1 mm; NaN where a motion is free.
-  Out<double> unit_covariance;
-  // Least eigenvalue of J'J a row, in coordinates of order one: zero where a motion is free.
-  double least_information;
-};
-
-PyEstimate to_python(const Estimate& result, const PointLines& rows, Model model) {
-  const int k = parameter_count(model);
-  TangentMatrix covariance = TangentMatrix::Constant(k, k, kNaN);
-  double least = 0;
-  if (result.found) {
-    least =
-        Eigen::SelfAdjointEigenSolver<TangentMatrix>(result.information).eigenvalues()[0] / result.inliers;
-    const TangentMatrix map = tangent_to_original(result.transform, rows.normalisation(), model);
-    const double size = rows.normalisation().size;
-    if (least > 0) covariance = map * result.information.inverse() * map.transpose() / (size * size);
-  }
-  return {result.found,
-          result.converged,
-          result.inliers,
-          result.samples,
-          result.best_count,
-          to_numpy(result.transform.rotation),
-          to_numpy(result.transform.translation),
-          to_numpy(result.transform.scales),
-          to_numpy(result.squares.matrix()),
-          to_numpy(covariance),
-          least};
+Table table_of(const Points& points, const Segments& segments, const Codes& sightings, const Codes& frames,
+               const Codes& targets, const Factors& noise_px, const Factors& noise_mm, int dimension) {
+  const std::size_t n = points.shape(0);
+  if (segments.shape(0) != n) throw nb::value_error("the arrays differ in their number of rows");
+  return {points.data(),
+          segments.data(),
+          data_of(sightings, n),
+          {data_of(frames, n), data_of(targets, n)},
+          {data_of(noise_px, n), data_of(noise_mm, n)},
+          static_cast<int>(n),
+          dimension};
 }
 
 Model model_named(const std::string& name) {
@@ -69,71 +48,121 @@ Model model_named(const std::string& name) {
   throw nb::value_error(("no such model: " + name).c_str());
 }
 
-using Points = In<double, nb::shape<-1, 3>>;
-using Segments = In<double, nb::shape<-1, 2, 3>>;
-
-void check_lengths(std::size_t points, std::size_t segments, std::size_t third) {
-  if (points != segments || points != third)
-    throw nb::value_error("the arrays differ in their number of rows");
+Weighting weighting_named(const std::string& name) {
+  if (name == "geometric") return Weighting::kGeometric;
+  if (name == "likelihood") return Weighting::kLikelihood;
+  throw nb::value_error(("no such weighting: " + name).c_str());
 }
 
-PyEstimate estimate_calibration(Points points, Segments segments, In<std::int32_t, nb::ndim<1>> sightings,
-                                int dimension, const std::string& model, double threshold_mm,
-                                double confidence, int max_samples, int exhaustive_samples,
-                                std::uint64_t seed) {
-  const std::size_t n = points.shape(0);
-  check_lengths(n, segments.shape(0), sightings.shape(0));
-  Options options;
-  options.model = model_named(model);
-  options.threshold_mm = threshold_mm;
-  options.confidence = confidence;
-  options.max_samples = max_samples;
-  options.exhaustive_samples = exhaustive_samples;
-  options.seed = seed;
-  nb::gil_scoped_release unlocked;
-  const PointLines rows(points.data(), segments.data(), static_cast<int>(n), dimension);
-  const Estimate result = estimate(rows, std::vector<int>(sightings.data(), sightings.data() + n), options);
-  nb::gil_scoped_acquire locked;
-  return to_python(result, rows, options.model);
+struct PyEstimate {
+  bool found, converged;
+  int inliers, samples;
+  double threshold_mm, level_px, level_mm, least_information;
+  Out<double> rotation, translation, scales, squares, covariance;
+};
+
+PyEstimate to_python(const Estimate& e) {
+  return {e.found,
+          e.converged,
+          e.inliers,
+          e.samples,
+          e.threshold_mm,
+          e.levels.px,
+          e.levels.mm,
+          e.least_information,
+          to_numpy(e.transform.rotation),
+          to_numpy(e.transform.translation),
+          to_numpy(e.transform.scales),
+          to_numpy(e.squares.matrix()),
+          to_numpy(e.covariance)};
 }
 
-PyEstimate refine_calibration(Points points, Segments segments, In<bool, nb::ndim<1>> chosen,
-                              In<double, nb::shape<3, 3>> rotation, In<double, nb::shape<3>> translation,
-                              In<double, nb::shape<3>> scales, int dimension, const std::string& model,
-                              int max_iterations) {
-  const std::size_t n = points.shape(0);
-  check_lengths(n, segments.shape(0), chosen.shape(0));
+using Rotation = In<double, nb::shape<3, 3>>;
+using Vector = In<double, nb::shape<3>>;
+
+Transform transform_of(const Rotation& rotation, const Vector& translation, const Vector& scales) {
   using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  const Transform start{Eigen::Map<const RowMajor3>(rotation.data()),
-                        Eigen::Map<const Vector3d>(translation.data()),
-                        Eigen::Map<const Vector3d>(scales.data())};
-  const Model wanted = model_named(model);
-  nb::gil_scoped_release unlocked;
-  const PointLines rows(points.data(), segments.data(), static_cast<int>(n), dimension);
-  const Estimate result = refine_chosen(rows, chosen.data(), start, wanted, max_iterations);
-  nb::gil_scoped_acquire locked;
-  return to_python(result, rows, wanted);
+  return {Eigen::Map<const RowMajor3>(rotation.data()), Eigen::Map<const Vector3d>(translation.data()),
+          Eigen::Map<const Vector3d>(scales.data())};
+}
+
+PyEstimate py_estimate(Points points, Segments segments, Codes sightings, Codes frames, Codes targets,
+                       Factors noise_px, Factors noise_mm, int dimension, const std::string& model,
+                       const std::string& weighting, double threshold_mm, double level_px, double level_mm,
+                       double confidence, int max_samples, int exhaustive_samples, std::uint64_t seed) {
+  const Table table = table_of(points, segments, sightings, frames, targets, noise_px, noise_mm, dimension);
+  const Options options{model_named(model),
+                        weighting_named(weighting),
+                        threshold_mm,
+                        {level_px, level_mm},
+                        {confidence, max_samples, exhaustive_samples, seed}};
+  Estimate result;
+  {
+    nb::gil_scoped_release unlocked;
+    result = estimate(table, options);
+  }
+  return to_python(result);
+}
+
+PyEstimate py_refine(Points points, Segments segments, Codes sightings, Factors noise_px, Factors noise_mm,
+                     Chosen chosen, Rotation rotation, Vector translation, Vector scales, int dimension,
+                     const std::string& model, const std::string& weighting, double level_px,
+                     double level_mm) {
+  const Table table = table_of(points, segments, sightings, {}, {}, noise_px, noise_mm, dimension);
+  const Options options{model_named(model), weighting_named(weighting), 0, {level_px, level_mm}, {}};
+  Estimate result;
+  {
+    nb::gil_scoped_release unlocked;
+    result = refine_chosen(table, chosen.data(), transform_of(rotation, translation, scales), options);
+  }
+  return to_python(result);
+}
+
+auto py_white_residuals(Points points, Segments segments, Codes sightings, Factors noise_px, Factors noise_mm,
+                        Chosen chosen, Rotation rotation, Vector translation, Vector scales, int dimension,
+                        const std::string& model, const std::string& weighting, double level_px,
+                        double level_mm) {
+  const Table table = table_of(points, segments, sightings, {}, {}, noise_px, noise_mm, dimension);
+  const Options options{model_named(model), weighting_named(weighting), 0, {level_px, level_mm}, {}};
+  WhiteResiduals white;
+  {
+    nb::gil_scoped_release unlocked;
+    white = white_residuals(table, chosen.data(), transform_of(rotation, translation, scales), options);
+  }
+  const std::size_t count = white.row.size();
+  return std::make_tuple(to_numpy(white.jacobian), to_numpy(white.shift), to_numpy(white.residual),
+                         make_array(std::move(white.row), {count}));
 }
 
 }  // namespace
 
 void bind_estimate(nb::module_& m) {
+  const auto owned = nb::rv_policy::automatic;
   nb::class_<PyEstimate>(m, "Estimate")
       .def_ro("found", &PyEstimate::found)
       .def_ro("converged", &PyEstimate::converged)
       .def_ro("inliers", &PyEstimate::inliers)
       .def_ro("samples", &PyEstimate::samples)
-      .def_ro("best_count", &PyEstimate::best_count)
-      .def_ro("rotation", &PyEstimate::rotation, nb::rv_policy::automatic)
-      .def_ro("translation", &PyEstimate::translation, nb::rv_policy::automatic)
-      .def_ro("scales", &PyEstimate::scales, nb::rv_policy::automatic)
-      .def_ro("squares", &PyEstimate::squares, nb::rv_policy::automatic)
-      .def_ro("unit_covariance", &PyEstimate::unit_covariance, nb::rv_policy::automatic)
-      .def_ro("least_information", &PyEstimate::least_information);
-  m.def("estimate_calibration", &estimate_calibration, "points"_a.noconvert(), "segments"_a.noconvert(),
-        "sightings"_a.noconvert(), nb::kw_only(), "dimension"_a, "model"_a, "threshold_mm"_a, "confidence"_a,
+      .def_ro("threshold_mm", &PyEstimate::threshold_mm)
+      .def_ro("level_px", &PyEstimate::level_px)
+      .def_ro("level_mm", &PyEstimate::level_mm)
+      .def_ro("least_information", &PyEstimate::least_information)
+      .def_ro("rotation", &PyEstimate::rotation, owned)
+      .def_ro("translation", &PyEstimate::translation, owned)
+      .def_ro("scales", &PyEstimate::scales, owned)
+      .def_ro("squares", &PyEstimate::squares, owned)
+      .def_ro("covariance", &PyEstimate::covariance, owned);
+  m.def("estimate", &py_estimate, "points"_a.noconvert(), "segments"_a.noconvert(),
+        "sightings"_a.noconvert().none(), "frames"_a.noconvert().none(), "targets"_a.noconvert().none(),
+        "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(), nb::kw_only(), "dimension"_a,
+        "model"_a, "weighting"_a, "threshold_mm"_a, "level_px"_a, "level_mm"_a, "confidence"_a,
         "max_samples"_a, "exhaustive_samples"_a, "seed"_a);
-  m.def("refine_calibration", &refine_calibration, "points"_a.noconvert(), "segments"_a.noconvert(),
+  m.def("refine", &py_refine, "points"_a.noconvert(), "segments"_a.noconvert(),
+        "sightings"_a.noconvert().none(), "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(),
         "chosen"_a.noconvert(), "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert(),
-        nb::kw_only(), "dimension"_a, "model"_a, "max_iterations"_a);
+        nb::kw_only(), "dimension"_a, "model"_a, "weighting"_a, "level_px"_a, "level_mm"_a);
+  m.def("white_residuals", &py_white_residuals, "points"_a.noconvert(), "segments"_a.noconvert(),
+        "sightings"_a.noconvert().none(), "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(),
+        "chosen"_a.noconvert(), "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert(),
+        nb::kw_only(), "dimension"_a, "model"_a, "weighting"_a, "level_px"_a, "level_mm"_a);
 }

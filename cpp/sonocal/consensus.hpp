@@ -1,40 +1,83 @@
-// The whole estimate: consensus over minimal samples, then refinement on the rows that agree.
+// Consensus over minimal samples, with local optimisation. Knows nothing of points, lines or transforms.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
-#include <vector>
+#include <limits>
 
-#include "sonocal/refine.hpp"
+#include "sonocal/random.hpp"
 
 namespace sonocal {
 
-struct Options {
-  Model model = Model::kSimilarity;
-  double threshold_mm = 5.0;  // paper section 9
+struct ConsensusOptions {
   double confidence = 0.99999;
   int max_samples = 10000;
   int exhaustive_samples = 2000;  // go through all combinations where they are no more than this
   std::uint64_t seed = 0;
 };
 
-struct Estimate {
-  Transform transform;
-  TangentMatrix information;   // J'J over the inliers at the transform, mm^2 per tangent unit squared
-  PointLines::Column squares;  // squared distance of every row, mm^2
-  int inliers = 0;
-  int samples = 0;     // minimal samples drawn
-  int best_count = 0;  // rows that the best sample agreed with, also where there is no answer
-  bool found = false;
-  bool converged = false;
+// Units of one sample; only the first sample_size() are used.
+using Sample = std::array<int, 4>;
+
+template <class Model>
+struct Consensus {
+  Model model;
+  double score = std::numeric_limits<double>::infinity();  // less is better
+  int samples = 0;
 };
 
-// sightings[i]: the number of row i's sighting, 0, 1, ...: rows of one sighting lie on one image line.
-// 2D (dimension 2): samples are four rows (four_points). 3D: two sightings of at least two rows each
-// (two_lines).
-Estimate estimate(const PointLines& rows, const std::vector<int>& sightings, const Options& options);
+double combinations(int n, int k);
+// The next combination of `size` out of n in lexicographic order; false after the last.
+bool next_combination(Sample& sample, int size, int n);
+// Samples after which one without outliers has been drawn, to the confidence asked for, if a share `clean`
+// of all samples is without; between `fewest` and the most allowed.
+double samples_needed(double clean, const ConsensusOptions& options);
 
-// Refinement alone, on the rows with chosen[i], from a start in original coordinates.
-Estimate refine_chosen(const PointLines& rows, const bool* chosen, const Transform& start, Model model,
-                       int max_iterations);
+// The model that the estimator scores best. The estimator is asked for
+//
+//   Model                                   the type of a model
+//   int units(), int sample_size()          what is sampled, and how many make a sample
+//   bool enumerable()                       whether a sample is determined by its units
+//   void draw(Random&, Sample&)             a random sample
+//   int solve(sample, Random&, models)      its models, at most 4
+//   double score(model, enough)             less is better; may stop once it reaches `enough`
+//   bool improve(model, score)              local optimisation, in place; false if it only made it worse
+//   double inlier_share(model)              0 to 1
+//
+// Samples end when one without outliers has been drawn with the confidence asked for, counting the share
+// of inliers of the best model so far. A best model without any inlier ends nothing.
+template <class Estimator>
+Consensus<typename Estimator::Model> find_consensus(Estimator& estimator, const ConsensusOptions& options) {
+  Consensus<typename Estimator::Model> best;
+  const int n = estimator.units(), size = estimator.sample_size();
+  if (n < size) return best;
+  const bool all = estimator.enumerable() && combinations(n, size) <= options.exhaustive_samples;
+  Random random(options.seed);
+  Sample sample{0, 1, 2, 3};
+  std::array<typename Estimator::Model, 4> models;
+  double needed = all ? combinations(n, size) : options.max_samples;
+  while (best.samples < needed) {
+    ++best.samples;
+    if (!all) estimator.draw(random, sample);
+    const int count = estimator.solve(sample, random, models);
+    bool improved = false;
+    for (int i = 0; i < count; ++i) {
+      const double score = estimator.score(models[i], best.score);
+      if (!(score < best.score)) continue;
+      best.model = models[i];
+      best.score = score;
+      estimator.improve(best.model, best.score);
+      improved = true;
+    }
+    if (all) {
+      if (!next_combination(sample, size, n)) break;
+    } else if (improved) {
+      needed = samples_needed(std::pow(estimator.inlier_share(best.model), size), options);
+    }
+  }
+  return best;
+}
 
 }  // namespace sonocal

@@ -1,13 +1,16 @@
 #include "sonocal/normal_equations.hpp"
 
 #include <Eigen/Geometry>
+#include <cmath>
+#include <type_traits>
+
+#include "sonocal/vectors.hpp"
 
 namespace sonocal {
 namespace {
 
 using Theta = NormalEquations::Theta;
-using ThetaJacobian =
-    Eigen::Matrix<double, NormalEquations::kLinear, Eigen::Dynamic, 0, NormalEquations::kLinear, 8>;
+using LinearMatrix = NormalEquations::LinearMatrix;
 
 Theta theta_of(const Transform& a) {
   Theta theta;
@@ -16,79 +19,154 @@ Theta theta_of(const Transform& a) {
   return theta;
 }
 
+template <int kParameters>
+using ThetaJacobian = Eigen::Matrix<double, NormalEquations::kLinear, kParameters>;
+
 // d theta / d (w, v, l): a column c of S turns as w x c and grows as l c; the translation shifts as v.
-ThetaJacobian theta_jacobian(const Transform& a, Model model) {
-  ThetaJacobian d = ThetaJacobian::Zero(NormalEquations::kLinear, parameter_count(model));
+template <int kParameters>
+ThetaJacobian<kParameters> theta_jacobian(const Transform& a) {
+  ThetaJacobian<kParameters> d = ThetaJacobian<kParameters>::Zero();
   const Matrix3d s = a.linear();
   for (int column = 0; column < 3; ++column) {
-    d.block<3, 3>(3 * column, 0) = -cross_matrix(s.col(column));
-    if (model == Model::kSimilarity || column < 2)
-      d.block<3, 1>(3 * column, model == Model::kSimilarity ? 6 : 6 + column) = s.col(column);
+    d.template block<3, 3>(3 * column, 0) = -cross_matrix(s.col(column));
+    if (kParameters == 7)
+      d.template block<3, 1>(3 * column, 6) = s.col(column);
+    else if (column < 2)
+      d.template block<3, 1>(3 * column, 6 + column) = s.col(column);
   }
-  d.block<3, 3>(9, 3).setIdentity();
+  d.template block<3, 3>(9, 3).setIdentity();
   return d;
+}
+
+// What the planes of a block give: the upper triangle of Q = sum_p weight_p n_p n_p', and b.
+struct Products {
+  alignas(64) double q[6][Block::kRows];  // Q: xx xy xz yy yz zz
+  alignas(64) double b[3][Block::kRows];  // h sum_p weight_p o_p n_p
+};
+
+SONOCAL_WIDEST_VECTORS void multiply_planes(const Block& block, Products& out, double& c) {
+  const auto &n = block.normal[0], &m = block.normal[1];
+  double constant = 0;
+#pragma omp simd reduction(+ : constant)
+  for (int i = 0; i < block.count; ++i) {
+    const double v = block.weight[0][i], w = block.weight[1][i];
+    const double nx = v * n[0][i], ny = v * n[1][i], nz = v * n[2][i];
+    const double mx = w * m[0][i], my = w * m[1][i], mz = w * m[2][i];
+    out.q[0][i] = nx * n[0][i] + mx * m[0][i];
+    out.q[1][i] = nx * n[1][i] + mx * m[1][i];
+    out.q[2][i] = nx * n[2][i] + mx * m[2][i];
+    out.q[3][i] = ny * n[1][i] + my * m[1][i];
+    out.q[4][i] = ny * n[2][i] + my * m[2][i];
+    out.q[5][i] = nz * n[2][i] + mz * m[2][i];
+    const double o = block.h[i] * block.offset[0][i], p = block.h[i] * block.offset[1][i];
+    out.b[0][i] = nx * o + mx * p;
+    out.b[1][i] = ny * o + my * p;
+    out.b[2][i] = nz * o + mz * p;
+    constant += v * o * o + w * p * p;
+  }
+  c += constant;
+}
+
+SONOCAL_WIDEST_VECTORS void sum_products(const double* x, const double* y, const Products& p, int count,
+                                         double* out) {
+  double s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0;
+#pragma omp simd reduction(+ : s0, s1, s2, s3, s4, s5)
+  for (int i = 0; i < count; ++i) {
+    const double w = x[i] * y[i];
+    s0 += w * p.q[0][i];
+    s1 += w * p.q[1][i];
+    s2 += w * p.q[2][i];
+    s3 += w * p.q[3][i];
+    s4 += w * p.q[4][i];
+    s5 += w * p.q[5][i];
+  }
+  out[0] = s0, out[1] = s1, out[2] = s2, out[3] = s3, out[4] = s4, out[5] = s5;
+}
+
+SONOCAL_WIDEST_VECTORS void sum_offsets(const double* x, const Products& p, int count, double* out) {
+  double s0 = 0, s1 = 0, s2 = 0;
+#pragma omp simd reduction(+ : s0, s1, s2)
+  for (int i = 0; i < count; ++i) {
+    s0 += x[i] * p.b[0][i];
+    s1 += x[i] * p.b[1][i];
+    s2 += x[i] * p.b[2][i];
+  }
+  out[0] = s0, out[1] = s1, out[2] = s2;
 }
 
 }  // namespace
 
-Transform retract(const Transform& a, const Tangent& step) {
+template <int kParameters>
+Transform retract(const Transform& a, const Eigen::Matrix<double, kParameters, 1>& step) {
   Transform out = a;
-  const double angle = step.head<3>().norm();
-  if (angle > 0)
-    out.rotation = Eigen::AngleAxisd(angle, step.head<3>() / angle).toRotationMatrix() * a.rotation;
-  out.translation += step.segment<3>(3);
-  if (step.size() == 7) {
+  const Vector3d w = step.template head<3>();
+  const double angle = w.norm();
+  if (angle > 0) out.rotation = Eigen::AngleAxisd(angle, w / angle).toRotationMatrix() * a.rotation;
+  out.translation += step.template segment<3>(3);
+  if (kParameters == 7) {
     out.scales *= std::exp(step[6]);
   } else {
     out.scales[0] *= std::exp(step[6]);
-    out.scales[1] *= std::exp(step[7]);
+    out.scales[1] *= std::exp(step[kParameters - 1]);
     // No point of a 2D image has a third coordinate: its scale is a convention, the mean.
     out.scales[2] = 0.5 * (out.scales[0] + out.scales[1]);
   }
   return out;
 }
+template Transform retract<7>(const Transform&, const Eigen::Matrix<double, 7, 1>&);
+template Transform retract<8>(const Transform&, const Eigen::Matrix<double, 8, 1>&);
 
-void NormalEquations::add_inliers(const PointLines& rows, const PointLines::Column& squares, double limit) {
-  // With Q = n1 n1' + n2 n2' and b = n1 o1 + n2 o2 of a row and its homogeneous point (x, 1):
-  //     H block (i, j) += x_i x_j Q,   g block i += x_i b,   c += o1^2 + o2^2.
-  const int coordinates = dimension_ + 1;
-  for (int row = 0; row < rows.size(); ++row) {
-    if (!(squares[row] <= limit)) continue;
-    ++rows_;
-    Matrix3d q = Matrix3d::Zero();
-    Vector3d b = Vector3d::Zero();
-    for (int k = 0; k < PointLines::kPlanes; ++k) {
-      const Vector3d n = rows.normals(k).row(row).matrix();
-      const double offset = rows.offsets(k)[row];
-      q.noalias() += n * n.transpose();
-      b += offset * n;
-      c_ += offset * offset;
-    }
-    const Vector3d x = rows.point(row);
-    // Coordinates in the order of theta: u, v, (w,) then the homogeneous 1 at block 3.
-    for (int i = 0; i < coordinates; ++i) {
-      const int bi = i == dimension_ ? 3 : i;
-      const double xi = i == dimension_ ? 1.0 : x[i];
-      g_.segment<3>(3 * bi) += xi * b;
-      for (int j = i; j < coordinates; ++j) {
-        const int bj = j == dimension_ ? 3 : j;
-        const double xj = j == dimension_ ? 1.0 : x[j];
-        h_.block<3, 3>(3 * bi, 3 * bj).noalias() += (xi * xj) * q;
-      }
+void NormalEquations::add(const Block& block) {
+  // H block (i, j) += x_i x_j Q and g block i += x_i b, the homogeneous coordinate h being block 3.
+  Products products;
+  multiply_planes(block, products, c_);
+  rows_ += block.count;
+  const double* x[4] = {block.x[0], block.x[1], block.x[2], block.h};
+  double q[6], b[3];
+  for (int i = 0; i < 4; ++i) {
+    if (i == 2 && dimension_ == 2) continue;
+    sum_offsets(x[i], products, block.count, b);
+    g_.segment<3>(3 * i) += Vector3d(b[0], b[1], b[2]);
+    for (int j = i; j < 4; ++j) {
+      if (j == 2 && dimension_ == 2) continue;
+      sum_products(x[i], x[j], products, block.count, q);
+      Matrix3d sum;
+      sum << q[0], q[1], q[2], q[1], q[3], q[4], q[2], q[4], q[5];
+      h_.block<3, 3>(3 * i, 3 * j) += sum;
+      if (i != j) h_.block<3, 3>(3 * j, 3 * i) += sum;
     }
   }
 }
 
 double NormalEquations::cost(const Transform& a) const {
   const Theta theta = theta_of(a);
-  return theta.dot(h_.selfadjointView<Eigen::Upper>() * theta + 2.0 * g_) + c_;
+  return theta.dot(h_.lazyProduct(theta) + 2.0 * g_) + c_;
 }
 
-void NormalEquations::linearise(const Transform& a, Model model, TangentMatrix& jtj, Tangent& jtr) const {
-  const ThetaJacobian d = theta_jacobian(a, model);
-  const Theta gradient = h_.selfadjointView<Eigen::Upper>() * theta_of(a) + g_;
-  jtr = d.transpose() * gradient;
-  jtj = d.transpose() * (h_.selfadjointView<Eigen::Upper>() * d);
+template <int kParameters>
+void NormalEquations::linearise(const Transform& a, Eigen::Matrix<double, kParameters, kParameters>& jtj,
+                                Eigen::Matrix<double, kParameters, 1>& jtr) const {
+  const ThetaJacobian<kParameters> d = theta_jacobian<kParameters>(a);
+  const Theta gradient = h_.lazyProduct(theta_of(a)) + g_;
+  const ThetaJacobian<kParameters> hd = h_.lazyProduct(d);
+  jtj = d.transpose().lazyProduct(hd);
+  jtr = d.transpose().lazyProduct(gradient);
+}
+template void NormalEquations::linearise<7>(const Transform&, Eigen::Matrix<double, 7, 7>&,
+                                            Eigen::Matrix<double, 7, 1>&) const;
+template void NormalEquations::linearise<8>(const Transform&, Eigen::Matrix<double, 8, 8>&,
+                                            Eigen::Matrix<double, 8, 1>&) const;
+
+TangentMatrix NormalEquations::information(const Transform& a, Model model) const {
+  const auto jtj = [&](auto parameters) -> TangentMatrix {
+    constexpr int k = decltype(parameters)::value;
+    Eigen::Matrix<double, k, k> matrix;
+    Eigen::Matrix<double, k, 1> unused;
+    linearise<k>(a, matrix, unused);
+    return matrix;
+  };
+  return model == Model::kSimilarity ? jtj(std::integral_constant<int, 7>())
+                                     : jtj(std::integral_constant<int, 8>());
 }
 
 }  // namespace sonocal

@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "sonocal/observations.hpp"
+#include "sonocal/transform.hpp"
 
 namespace sonocal {
 
@@ -14,14 +14,26 @@ enum class Model {
 
 inline int parameter_count(Model model) { return static_cast<int>(model); }
 
-using Tangent = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 8, 1>;
 using TangentMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 8, 8>;
 
 // (exp([w]x) R, t + v, s exp(l)) for the tangent (w, v, l).
-Transform retract(const Transform& a, const Tangent& step);
+template <int kParameters>
+Transform retract(const Transform& a, const Eigen::Matrix<double, kParameters, 1>& step);
+
+// Up to 64 rows side by side, as structure of arrays. A row is a point x with its homogeneous coordinate
+// h, and two planes with weights; its residuals are n_k . (S x + h t) + h o_k.
+struct Block {
+  static constexpr int kRows = 64;
+  int count = 0;
+  alignas(64) double x[3][kRows];
+  alignas(64) double h[kRows];
+  alignas(64) double normal[2][3][kRows];
+  alignas(64) double offset[2][kRows];
+  alignas(64) double weight[2][kRows];
+};
 
 // Every residual is linear in theta = (c1, c2, c3, t), the columns of S and the translation, so the
-// sum of squares over any number of rows is
+// weighted sum of squares over any number of rows is
 //
 //     theta' H theta + 2 g' theta + c
 //
@@ -30,21 +42,25 @@ class NormalEquations {
  public:
   static constexpr int kLinear = 12;
   using Theta = Eigen::Matrix<double, kLinear, 1>;
+  using LinearMatrix = Eigen::Matrix<double, kLinear, kLinear>;
 
+  // dimension 2: all points have x[2] = 0.
   explicit NormalEquations(int dimension) : dimension_(dimension) {}
 
-  // Adds the rows with squares[i] <= limit.
-  void add_inliers(const PointLines& rows, const PointLines::Column& squares, double limit);
+  void add(const Block& block);
 
   int rows() const { return rows_; }
   double cost(const Transform& a) const;
   // J'J and J'r for the tangent at a, by the chain rule through theta.
-  void linearise(const Transform& a, Model model, TangentMatrix& jtj, Tangent& jtr) const;
+  template <int kParameters>
+  void linearise(const Transform& a, Eigen::Matrix<double, kParameters, kParameters>& jtj,
+                 Eigen::Matrix<double, kParameters, 1>& jtr) const;
+  TangentMatrix information(const Transform& a, Model model) const;
 
  private:
   int dimension_;
   int rows_ = 0;
-  Eigen::Matrix<double, kLinear, kLinear> h_ = Eigen::Matrix<double, kLinear, kLinear>::Zero();
+  LinearMatrix h_ = LinearMatrix::Zero();
   Theta g_ = Theta::Zero();
   double c_ = 0;
 };

@@ -1,9 +1,10 @@
-// Image points held to planes: the form every correspondence is brought to (paper section 5.1).
+// Image points against lines: the table of sightings in the form that the estimation runs on.
 #pragma once
 
 #include <Eigen/Core>
 #include <vector>
 
+#include "sonocal/normal_equations.hpp"
 #include "sonocal/transform.hpp"
 
 namespace sonocal {
@@ -21,15 +22,23 @@ struct Normalisation {
   Transform to_original(const Transform& a) const;
 };
 
+// A line by the middle of its segment, its direction and half its length, normalised.
+struct Needle {
+  Vector3d middle;
+  Vector3d direction;
+  double half_length;
+};
+
 // N points against N lines, as structure of arrays: each line is two planes n . y + offset = 0 with
-// orthonormal normals, so that the two residuals' squares add up to the squared distance.
+// orthonormal normals, so that the two residuals' squares add up to the squared distance. The arrays given
+// must outlive it.
 class PointLines {
  public:
   static constexpr int kPlanes = 2;
   using Column = Eigen::Array<double, Eigen::Dynamic, 1>;
   using Columns3 = Eigen::Array<double, Eigen::Dynamic, 3>;
 
-  // points: N x 3 (w = 0 for a 2D probe), row-major; segments: N x 6, both end points, row-major.
+  // points: N x 3 (w = 0 for a 2D probe), row-major, px; segments: N x 6, both end points, row-major, mm.
   PointLines(const double* points, const double* segments, int count, int dimension);
 
   int size() const { return static_cast<int>(points_.rows()); }
@@ -37,11 +46,9 @@ class PointLines {
   const Normalisation& normalisation() const { return normalisation_; }
 
   Vector3d point(int i) const { return points_.row(i).matrix(); }
-  Vector3d line_point(int i) const { return line_points_.row(i).matrix(); }
-  Vector3d direction(int i) const { return directions_.row(i).matrix(); }
-  const Columns3& points() const { return points_; }
-  const Columns3& normals(int plane) const { return normals_[plane]; }
-  const Column& offsets(int plane) const { return offsets_[plane]; }
+  Needle needle(int i) const;
+  Vector3d normal(int i, int plane) const { return normals_[plane].row(i).matrix(); }
+  double offset(int i, int plane) const { return offsets_[plane][i]; }
 
   // Squared distance of every mapped point to its line.
   void squared_distances(const Transform& a, Column& out) const;
@@ -49,10 +56,14 @@ class PointLines {
   // sum_i min(squared distance, limit), given up (returning at least `enough`) once it reaches it.
   double truncated_sum(const Transform& a, double limit, double enough) const;
 
+  // The cost of the rows with squares[i] <= limit, all of weight one: paper section 8.
+  NormalEquations geometric_cost(const Column& squares, double limit) const;
+
  private:
   int dimension_;
+  const double* segments_;
   Normalisation normalisation_;
-  Columns3 points_, line_points_, directions_;
+  Columns3 points_;
   Columns3 normals_[kPlanes];
   Column offsets_[kPlanes];
 };

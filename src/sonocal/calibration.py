@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,12 +23,14 @@ from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import refuse_degenerate_lines, refuse_free_motion
 from sonocal.registration.noise import Noise, estimate_noise, residual_vectors, stretch_length
 from sonocal.registration.refine import refine_point_lines
-from sonocal.registration.robust import MINIMAL_ROWS, Fit, Model, fit_point_lines
+from sonocal.registration.robust import MINIMAL_ROWS, Fit, Model, Weighting, fit_point_lines
+from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
 
 __all__ = ["Calibration", "ErrorStatistics", "calibrate"]
 
 MODELS: tuple[Model, ...] = ("similarity", "anisotropic")
+WEIGHTINGS: tuple[Weighting, ...] = ("likelihood", "geometric")
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,11 @@ class Calibration:
         """
         places = area_places(self.area_px)
         covariances = self.predict(places)[1]
-        return places, np.sqrt(np.trace(covariances, axis1=1, axis2=2)), radius_95(covariances)
+        return (
+            places,
+            np.sqrt(np.trace(covariances, axis1=1, axis2=2)),
+            radius_95(covariances, self.noise.freedom),
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the calibration as JSON, whole or not at all.
@@ -155,7 +161,10 @@ def calibrate(
     observations: Observations,
     *,
     model: Model = "similarity",
-    threshold_mm: float = 5.0,
+    weighting: Weighting = "likelihood",
+    threshold_mm: float | Literal["auto"] = 5.0,
+    sigma_px: float | None = None,
+    sigma_mm: float | None = None,
     fit_split: str | None = None,
     test_split: str | None = None,
     image_size_px: tuple[int, ...] | None = None,
@@ -168,7 +177,13 @@ def calibrate(
     Args:
         observations: one point of the image against one line in the probe marker's frame a row.
         model: "similarity", or "anisotropic" for a 2D probe whose pixels are not square in mm.
-        threshold_mm: rows further than this from their line are outliers (paper section 9).
+        weighting: "likelihood" weighs every residual by the noise that it carries; "geometric" takes all
+            distances alike, as the paper does (section 8).
+        threshold_mm: rows further than this from their line are outliers (paper section 9); "auto": 3.3
+            standard deviations of the noise, found while more than half of the rows are sound.
+        sigma_px: noise of an image point along every axis, px, where known; it multiplies the table's own
+            column. Default: estimated from the residuals.
+        sigma_mm: noise of a segment's end point along every axis, mm; likewise.
         fit_split: fit the rows of this split only; default: all but those of `test_split`.
         test_split: report the error of this split's rows, which are not fitted.
         image_size_px: (width, height[, depth]); predicted errors are quoted at this image's corners.
@@ -188,38 +203,45 @@ def calibrate(
 
     Source: paper sections 5 to 9.
     """
-    _check_options(model, threshold_mm, tolerance_mm, max_samples)
+    _check_options(
+        model=model,
+        weighting=weighting,
+        threshold_mm=threshold_mm,
+        tolerance_mm=tolerance_mm,
+        max_samples=max_samples,
+        sigma_px=sigma_px,
+        sigma_mm=sigma_mm,
+    )
     rows, held_out = _split(observations, fit_split, test_split)
     _check_rows(rows, model)
     area = _area(rows, image_size_px)
-    points, dimension = homogeneous_points(rows.points_px), rows.dimension
-    sightings = rows.sightings if dimension == 3 else np.zeros(len(rows), dtype=np.int64)
+    table = point_line_rows(rows)
 
     # A sighting geometry that leaves a motion free has no answer: refuse before fitting, and again once
     # the outliers, which can hide it, are known.
-    refuse_degenerate_lines(points, rows.segments_mm, dimension)
+    refuse_degenerate_lines(table.points, table.segments_mm, table.dimension)
     fit = fit_point_lines(
-        points,
-        rows.segments_mm,
-        sightings,
-        dimension=dimension,
+        table,
         model=model,
+        weighting=weighting,
         threshold_mm=threshold_mm,
+        sigma_px=sigma_px,
+        sigma_mm=sigma_mm,
         max_samples=max_samples,
         seed=seed,
     )
     if not fit.inlier.all():
-        refuse_degenerate_lines(points[fit.inlier], rows.segments_mm[fit.inlier], dimension)
+        refuse_degenerate_lines(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension)
     refuse_free_motion(fit.least_information)
 
-    agreeing = rows.select(fit.inlier)
-    groupings, stretch = _groupings(agreeing, fit)
-    noise = _noise(agreeing, fit, groupings)
+    known = (sigma_px or rows.sigma_px is not None) and (sigma_mm or rows.sigma_mm is not None)
+    groupings, stretch = _groupings(rows, fit)
+    noise = estimate_noise(table, fit, groupings, levels_known=bool(known))
     diagnostics = [
-        *diagnose_fit(fit, threshold_mm),
-        *_diagnose_weakness(agreeing, fit, noise, area, tolerance_mm),
+        *diagnose_fit(fit),
+        *_diagnose_weakness(table, fit, noise, area, tolerance_mm),
         *diagnose_noise(noise, stretch),
-        *_diagnose_anisotropy(agreeing, fit, groupings),
+        *_diagnose_anisotropy(table, fit, groupings),
     ]
     diagnostics.sort(key=lambda finding: finding.severity != "warning")
     return Calibration(
@@ -229,7 +251,7 @@ def calibrate(
         noise=noise,
         area_px=area,
         fit=ErrorStatistics.of(fit.residuals_mm[fit.inlier], len(rows), int(fit.inlier.sum())),
-        test=None if held_out is None else _test(held_out, fit.transform, threshold_mm),
+        test=None if held_out is None else _test(held_out, fit),
         residuals_mm=fit.residuals_mm,
         inlier=fit.inlier,
         diagnostics=tuple(diagnostics),
@@ -238,7 +260,10 @@ def calibrate(
             "sha256": rows.sha256,
             "options": {
                 "model": model,
+                "weighting": weighting,
                 "threshold_mm": threshold_mm,
+                "sigma_px": sigma_px,
+                "sigma_mm": sigma_mm,
                 "fit_split": fit_split,
                 "test_split": test_split,
                 "image_size_px": list(image_size_px) if image_size_px else None,
@@ -271,54 +296,70 @@ def _split(
     return observations, None
 
 
-def _groupings(agreeing: Observations, fit: Fit) -> tuple[dict[str, NDArray[np.int64]], int]:
+def point_line_rows(observations: Observations) -> PointLineRows:
+    """The table as registration takes it."""
+    sightings = observations.sightings.astype(np.int32) if observations.dimension == 3 else None
+    return PointLineRows(
+        points=np.ascontiguousarray(homogeneous_points(observations.points_px)),
+        segments_mm=np.ascontiguousarray(observations.segments_mm),
+        dimension=observations.dimension,
+        sightings=sightings,
+        frame=group_codes(observations.split, observations.frame).astype(np.int32),
+        target=group_codes(observations.target).astype(np.int32),
+        sigma_px=observations.sigma_px,
+        sigma_mm=observations.sigma_mm,
+    )
+
+
+def _groupings(rows: Observations, fit: Fit) -> tuple[dict[str, NDArray[np.int64]], int]:
     """What rows may share an error by: frame, needle or wire, stretch of frames; and a stretch's length."""
-    frame = group_codes(agreeing.split, agreeing.frame)
-    residuals = residual_vectors(fit.transform, homogeneous_points(agreeing.points_px), agreeing.segments_mm)
-    stretch = stretch_length(residuals, frame)
-    groupings = {"frame": frame, "target": group_codes(agreeing.target)}
+    agreeing = rows.select(fit.inlier)
+    points = homogeneous_points(agreeing.points_px)
+    residuals = residual_vectors(fit.transform, points, agreeing.segments_mm)
+    stretch = stretch_length(residuals, group_codes(agreeing.split, agreeing.frame))
+    frame = group_codes(rows.split, rows.frame)
+    groupings = {"frame": frame, "target": group_codes(rows.target)}
     if stretch > 1:
-        groupings["stretch"] = group_codes(agreeing.split, frame // stretch)
+        groupings["stretch"] = group_codes(rows.split, frame // stretch)
     return groupings, stretch
 
 
-def _noise(agreeing: Observations, fit: Fit, groupings: dict[str, NDArray[np.int64]]) -> Noise:
-    points = homogeneous_points(agreeing.points_px)
-    return estimate_noise(fit.transform, points, agreeing.segments_mm, fit.unit_covariance, groupings)
-
-
 def _diagnose_weakness(
-    agreeing: Observations, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
+    table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
 ) -> Iterator[Diagnostic]:
     if not np.all(np.isfinite(noise.covariance)):
         return
     corners = area_places(area)[:-1]
-    worst = float(radius_95(point_covariance(fit.transform, noise.covariance, corners)).max())
+    covariances = point_covariance(fit.transform, noise.covariance, corners)
+    worst = float(radius_95(covariances, noise.freedom).max())
     motion = weakest_motion(fit.transform, noise.covariance, corners)
-    yield from diagnose_weakness(motion, worst, tolerance_mm, segment_directions(agreeing.segments_mm))
+    yield from diagnose_weakness(
+        motion, worst, tolerance_mm, segment_directions(table.segments_mm[fit.inlier])
+    )
 
 
 def _diagnose_anisotropy(
-    agreeing: Observations, fit: Fit, groupings: dict[str, NDArray[np.int64]]
+    table: PointLineRows, fit: Fit, groupings: dict[str, NDArray[np.int64]]
 ) -> Iterator[Diagnostic]:
     """Fits the wider model too, and tests whether its two scales differ."""
-    if agreeing.dimension == 3 or len(fit.unit_covariance) == 8 or len(agreeing) <= MINIMAL_ROWS:
+    if table.dimension == 3 or fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
         return
     wider = refine_point_lines(
         fit.transform,
-        homogeneous_points(agreeing.points_px),
-        agreeing.segments_mm,
-        np.ones(len(agreeing), dtype=bool),
-        dimension=2,
+        table,
+        fit.inlier,
         model="anisotropic",
+        weighting=fit.weighting,
+        sigma_px=fit.sigma_px,
+        sigma_mm=fit.sigma_mm,
     )
-    yield from diagnose_anisotropy(wider.transform.scales, _noise(agreeing, wider, groupings).covariance)
+    yield from diagnose_anisotropy(wider.transform.scales, estimate_noise(table, wider, groupings).covariance)
 
 
-def _test(held_out: Observations, probe_from_image: AxisScaled, threshold_mm: float) -> ErrorStatistics:
-    vectors = residual_vectors(probe_from_image, homogeneous_points(held_out.points_px), held_out.segments_mm)
+def _test(held_out: Observations, fit: Fit) -> ErrorStatistics:
+    vectors = residual_vectors(fit.transform, homogeneous_points(held_out.points_px), held_out.segments_mm)
     distances = np.linalg.norm(vectors, axis=1)
-    return ErrorStatistics.of(distances, len(held_out), int(np.sum(distances <= threshold_mm)))
+    return ErrorStatistics.of(distances, len(held_out), int(np.sum(distances <= fit.threshold_mm)))
 
 
 def _area(rows: Observations, image_size_px: tuple[int, ...] | None) -> Array:
@@ -333,15 +374,26 @@ def _area(rows: Observations, image_size_px: tuple[int, ...] | None) -> Array:
     return np.array([np.zeros(rows.dimension), size - 1])
 
 
-def _check_options(model: str, threshold_mm: float, tolerance_mm: float, max_samples: int) -> None:
-    if model not in MODELS:
-        raise InputError(f"model must be one of {', '.join(MODELS)}; got {model!r}")
-    for name, value in (
-        ("threshold_mm", threshold_mm),
-        ("tolerance_mm", tolerance_mm),
-        ("max_samples", max_samples),
-    ):
-        if not (np.isfinite(value) and value > 0):
+def _check_options(
+    *,
+    model: str,
+    weighting: str,
+    threshold_mm: float | str,
+    tolerance_mm: float,
+    max_samples: int,
+    sigma_px: float | None,
+    sigma_mm: float | None,
+) -> None:
+    for name, choice, choices in (("model", model, MODELS), ("weighting", weighting, WEIGHTINGS)):
+        if choice not in choices:
+            raise InputError(f"{name} must be one of {', '.join(choices)}; got {choice!r}")
+    numbers: dict[str, Any] = {"tolerance_mm": tolerance_mm, "max_samples": max_samples}
+    numbers |= {"threshold_mm": threshold_mm} if threshold_mm != "auto" else {}
+    numbers |= {
+        name: value for name, value in (("sigma_px", sigma_px), ("sigma_mm", sigma_mm)) if value is not None
+    }
+    for name, value in numbers.items():
+        if not (isinstance(value, (int, float)) and np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number; got {value}")
 
 
@@ -356,7 +408,24 @@ def _check_rows(rows: Observations, model: Model) -> None:
             f"{rows.source}: has {len(rows)} rows to fit and the {model} model of a {rows.dimension}D probe needs "
             f"at least {needed}; scan more needle poses, ten or more for an answer to rely on"
         )
-    if rows.dimension == 3 and np.sum(np.bincount(rows.sightings) >= 2) < 2:
+    if rows.dimension == 3:
+        _check_sightings(rows)
+
+
+def _check_sightings(rows: Observations) -> None:
+    """A 3D sighting is one needle: two points or more on its image line, one segment."""
+    sightings = rows.sightings
+    order = np.argsort(sightings, kind="stable")
+    same = sightings[order[1:]] == sightings[order[:-1]]
+    unlike = np.any(rows.segments_mm[order[1:]] != rows.segments_mm[order[:-1]], axis=(1, 2))
+    if np.any(same & unlike):
+        first, second = np.sort(order[np.argmax(same & unlike) + np.arange(2)])
+        raise InputError(
+            f"{rows.where(second)}: has another segment than {rows.where(first).removeprefix(rows.source + ', ')} "
+            f"of the same frame {rows.frame[second]} and target {str(rows.target[second])!r}; points of one needle in "
+            "one image share its segment, other needles need another target"
+        )
+    if np.sum(np.bincount(sightings) >= 2) < 2:
         raise InputError(
             f"{rows.source}: fewer than two sightings have two points; a 3D probe sees a needle as a line, so give "
             "two or more rows with one frame and target, or leave out w_px for a 2D probe"

@@ -33,7 +33,10 @@ VERSION = 1
 
 class _Sigma(msgspec.Struct):
     row_mm: float | None
+    point_px: float | None
+    segment_mm: float | None
     shared_mm: dict[str, float]
+    freedom: int
 
 
 class _Record(msgspec.Struct):
@@ -74,7 +77,10 @@ def calibration_json(calibration: Calibration) -> bytes:
         covariance=None if calibration.covariance is None else calibration.covariance.tolist(),
         sigma=_Sigma(
             row_mm=calibration.noise.row_mm if np.isfinite(calibration.noise.row_mm) else None,
+            point_px=calibration.noise.sigma_px,
+            segment_mm=calibration.noise.sigma_mm,
             shared_mm=calibration.noise.shared_mm,
+            freedom=calibration.noise.freedom,
         ),
         area_px=calibration.area_px.tolist(),
         fit=calibration.fit,
@@ -147,6 +153,9 @@ def _from_record(record: _Record) -> Calibration:
         noise=Noise(
             row_mm=np.nan if record.sigma.row_mm is None else record.sigma.row_mm,
             covariance=np.full((parameters, parameters), np.nan) if covariance is None else covariance,
+            freedom=record.sigma.freedom,
+            sigma_px=record.sigma.point_px,
+            sigma_mm=record.sigma.segment_mm,
             shared_mm=record.sigma.shared_mm,
         ),
         area_px=np.array(record.area_px),

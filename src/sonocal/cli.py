@@ -40,6 +40,20 @@ class _Size(click.ParamType[tuple[int, ...]]):
         return tuple(int(part) for part in parts)
 
 
+class _Threshold(click.ParamType[float | str]):
+    """A number of millimetres, or "auto"."""
+
+    name = "MM|auto"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        if value == "auto":
+            return "auto"
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number of millimetres nor auto", param, ctx)
+
+
 def _console() -> Console:
     from rich.console import Console
 
@@ -76,10 +90,21 @@ def main() -> None:
 @click.option("--test-split", metavar="NAME", help="Hold the rows of this split out, and report their error.")
 @click.option(
     "--threshold-mm",
-    type=float,
+    type=_Threshold(),
     default=5.0,
     show_default=True,
-    help="Rows further than this from their line are outliers.",
+    help='Rows further than this from their line are outliers; "auto": from the noise.',
+)
+@click.option(
+    "--weighting",
+    type=click.Choice(["likelihood", "geometric"]),
+    default="likelihood",
+    show_default=True,
+    help="Weigh distances by the noise they carry, or all alike as the paper does.",
+)
+@click.option("--sigma-px", type=float, help="Noise of an image point along each axis.  [default: estimated]")
+@click.option(
+    "--sigma-mm", type=float, help="Noise of a segment's end along each axis.  [default: estimated]"
 )
 @click.option(
     "--tolerance-mm",

@@ -146,7 +146,7 @@ def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
             )
 
 
-def diagnose_fit(fit: Fit, threshold_mm: float) -> Iterator[Diagnostic]:
+def diagnose_fit(fit: Fit) -> Iterator[Diagnostic]:
     """Too few rows, too many that disagree, or a refinement that did not come to rest."""
     rows, agreeing = len(fit.inlier), int(fit.inlier.sum())
     if agreeing <= MINIMAL_ROWS:
@@ -164,7 +164,7 @@ def diagnose_fit(fit: Fit, threshold_mm: float) -> Iterator[Diagnostic]:
             code="many-outliers",
             severity="warning",
             message=(
-                f"{rows - agreeing} of {rows} rows are further than {threshold_mm:g} mm from their lines "
+                f"{rows - agreeing} of {rows} rows are further than {fit.threshold_mm:.3g} mm from their lines "
                 "and were left out"
             ),
             advice="look at the rows marked as outliers; check the detections and which needle each row belongs to",

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal import _core
 from sonocal.geometry import Array, AxisScaled, segment_directions
-from sonocal.registration.uncertainty import point_jacobian
+from sonocal.registration.robust import Fit
+from sonocal.registration.rows import PointLineRows, transform_arrays
 
 __all__ = ["Noise", "estimate_noise", "residual_vectors", "stretch_length"]
 
@@ -21,17 +23,24 @@ FEWEST_STRETCHES = 4
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations in mm, per axis, and what they do to the tangent.
+    """Standard deviations per axis, and what they do to the tangent.
 
     Attributes:
-        row_mm: of errors independent from row to row; NaN where no row is to spare.
-        shared_mm: by grouping ("frame", "target"), of an offset that all rows of a group share. A
-            grouping that the data cannot tell from the rest is absent.
+        row_mm: of the distance to the line, from errors independent from row to row; NaN where no row is to
+            spare.
         covariance: (k, k), of the tangent.
+        freedom: residuals to spare: what the estimate of the noise rests on.
+        sigma_px: of an image point, px, where the weights are the likelihood's; else None.
+        sigma_mm: of a segment's end point, mm; likewise.
+        shared_mm: by grouping ("frame", "target", "stretch"), of an offset that all rows of a group share. A
+            grouping that the data cannot tell from the rest is absent.
     """
 
     row_mm: float
     covariance: Array
+    freedom: int
+    sigma_px: float | None = None
+    sigma_mm: float | None = None
     shared_mm: dict[str, float] = field(default_factory=dict)
 
 
@@ -43,56 +52,72 @@ def residual_vectors(transform: AxisScaled, points: Array, segments_mm: Array) -
 
 
 def estimate_noise(
-    transform: AxisScaled,
-    points: Array,
-    segments_mm: Array,
-    unit_covariance: Array,
-    groupings: dict[str, NDArray[np.int64]],
+    rows: PointLineRows, fit: Fit, groupings: dict[str, NDArray[np.int64]], *, levels_known: bool = False
 ) -> Noise:
     """Noise of the rows and of their groups, and the tangent's covariance under it.
 
     A wire that is 0.3 mm off is off in every frame: hundreds of rows on nine wires are nearer to nine
-    measurements than to hundreds. The residual of a row is taken as the sum of its own noise and of one
-    offset for each group that it is in,
+    measurements than to hundreds. With residuals made independent and of unit variance under the fit's
+    weights, each is taken as the sum of its own noise and of one offset for each group that it is in,
 
-        r_i = J_i d + P_i (e_i + sum_g b_g(i)),        P_i = I - direction direction'
+        r = J d + e + sum_g B_g b_g
 
-    and the variances are those that make the sums of squares, total and between groups, equal to their
-    expectations after the fit has taken its part (analysis of variance with the fit's 7 or 8
+    and the variances of e and b_g are those that make the sums of squares, total and between groups, equal
+    to their expectations after the fit has taken its part (analysis of variance with the fit's 7 or 8
     parameters as covariates).
 
     Args:
-        transform: the fit.
-        points: (N, 3), px, of the rows that agree.
-        segments_mm: (N, 2, 3).
-        unit_covariance: (k, k): ``(J'J)^-1`` over these rows.
-        groupings: by name: (N,) the group of each row, counted from 0 without a gap.
+        rows: points and lines.
+        fit: of which only the agreeing rows count.
+        groupings: by name: (N,) the group of each row.
+        levels_known: the noise levels were given: residuals smaller than they say do not shrink the covariance.
 
     Returns:
         The noise and the covariance.
 
     Source: Henderson's method 3 (Searle, Casella and McCulloch, Variance Components, 1992, chapter 5).
     """
-    k = len(unit_covariance)
-    freedom = 2 * len(points) - k
+    k = len(fit.covariance)
+    freedom = 2 * int(fit.inlier.sum()) - k
+    weighted = fit.weighting == "likelihood"
+    sigma_px, sigma_mm = (fit.sigma_px, fit.sigma_mm) if weighted else (None, None)
     if freedom <= 0:
-        return Noise(np.nan, np.full((k, k), np.nan))
-    directions = segment_directions(segments_mm)
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    residuals = residual_vectors(transform, points, segments_mm)
-    weighted = np.swapaxes(point_jacobian(transform, points, k), 1, 2) @ across
-    candidates = {
-        name: _Grouping(labels, across, weighted, residuals, unit_covariance)
-        for name, labels in groupings.items()
-        if 1 < labels.max() + 1 < len(labels)
+        return Noise(np.nan, np.full((k, k), np.nan), 0, sigma_px, sigma_mm)
+    jacobian, shift, residual, sample_row = _core.white_residuals(
+        rows.points,
+        rows.segments_mm,
+        rows.codes(),
+        rows.sigma_px,
+        rows.sigma_mm,
+        fit.inlier,
+        *transform_arrays(fit.transform),
+        dimension=rows.dimension,
+        model=fit.model,
+        weighting=fit.weighting,
+        level_px=fit.sigma_px,
+        level_mm=fit.sigma_mm,
+    )
+    total = float(residual @ residual)
+    candidates = {name: _distinct(labels[sample_row]) for name, labels in groupings.items()}
+    # With the likelihood's weights, what the points of one sighting share is in the weights already.
+    units = len(np.unique(sample_row)) if weighted else len(residual) // 2
+    groups = {
+        name: _Grouping(labels, jacobian, shift, residual, fit.covariance)
+        for name, labels in candidates.items()
+        if 1 < labels.max() + 1 < units
     }
-    groups = {name: g for name, g in candidates.items() if g.left.sum() > LEAST_SHARE_LEFT * 2 * len(points)}
-    row, shared = _variances(float(np.sum(residuals**2)), freedom, groups, across, unit_covariance)
-    covariance = row * unit_covariance
+    groups = {name: g for name, g in groups.items() if g.left.sum() > LEAST_SHARE_LEFT * g.weight.sum()}
+    unit, shared = _variances(total, freedom, groups)
+    if levels_known:
+        unit = max(unit, 1.0)
+    covariance = unit * fit.covariance
     for name, variance in shared.items():
-        pulled = unit_covariance @ groups[name].pull
+        pulled = fit.covariance @ groups[name].pull
         covariance = covariance + variance * (pulled @ pulled.T)
-    return Noise(float(np.sqrt(row)), covariance, {name: float(np.sqrt(v)) for name, v in shared.items()})
+    squares = float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom
+    row_mm = float(np.sqrt(squares * unit * freedom / total)) if total > 0 else 0.0
+    shared_mm = {name: float(np.sqrt(variance)) for name, variance in shared.items()}
+    return Noise(row_mm, covariance, freedom, sigma_px, sigma_mm, shared_mm)
 
 
 def stretch_length(residuals: Array, frame: NDArray[np.int64]) -> int:
@@ -112,12 +137,15 @@ def stretch_length(residuals: Array, frame: NDArray[np.int64]) -> int:
     """
     counts = np.bincount(frame)
     frames = len(counts)
+    if frames < FEWEST_FRAMES:
+        return 1
     means = np.stack([np.bincount(frame, column) / counts for column in residuals.T], axis=1)
     means -= means.mean(axis=0)
     power = float(np.sum(means**2))
-    if frames < FEWEST_FRAMES or power == 0:
+    if power == 0:
         return 1
-    insignificant = 2.0 / np.sqrt(frames)
+    # Three vector components make chance correlations of some 1 / sqrt(2 frames).
+    insignificant = 3.0 / np.sqrt(2.0 * frames)
     length = 1.0
     for lag in range(1, frames // 2):
         correlation = float(np.sum(means[lag:] * means[:-lag])) / power
@@ -130,40 +158,34 @@ def stretch_length(residuals: Array, frame: NDArray[np.int64]) -> int:
 class _Grouping:
     """The sums over each group that the moments need.
 
-    With B the (3N x 3G) map from the groups' offsets to residuals, M = I - J H J' what the fit leaves
-    of them and H = (J'J)^-1: ``pull`` is J'B, ``left`` the traces of the blocks of B'MB.
+    With B the (M x 3G) map from the groups' offsets to white residuals, P = I - J C J' what the fit leaves
+    of them and C = (J'J)^-1: ``pull`` is J'B, ``weight`` and ``left`` the traces of the blocks of B'B and B'PB.
     """
 
     def __init__(
-        self,
-        labels: NDArray[np.int64],
-        across: Array,
-        weighted: Array,
-        residuals: Array,
-        unit_covariance: Array,
+        self, labels: NDArray[np.int64], jacobian: Array, shift: Array, residual: Array, covariance: Array
     ) -> None:
-        self.labels = labels
-        self.counts = np.bincount(labels)
-        self.pulls = _sum_by(self.labels, weighted)  # (G, k, 3)
+        self.labels, self.shift, self.covariance = labels, shift, covariance
+        self.pulls = _sum_by(labels, jacobian[:, :, None] * shift[:, None, :])  # (G, k, 3)
         self.pull = np.concatenate(list(self.pulls), axis=1)  # (k, 3G)
-        taken = np.einsum("gki,kl,gli->g", self.pulls, unit_covariance, self.pulls)
-        self.left = np.trace(_sum_by(self.labels, across), axis1=1, axis2=2) - taken
-        self.between = float(np.sum(_sum_by(self.labels, residuals) ** 2 / self.counts[:, None]))
+        self.weight = _sum_by(labels, np.sum(shift**2, axis=1))
+        self.left = self.weight - np.einsum("gki,kl,gli->g", self.pulls, covariance, self.pulls)
+        self.between = float(np.sum(_sum_by(labels, shift * residual[:, None]) ** 2 / self.weight[:, None]))
 
-    def expected_between(self, other: _Grouping, across: Array, unit_covariance: Array) -> float:
+    def expected_between(self, other: _Grouping) -> float:
         """Expected sum of squares between these groups from unit offsets of the other's groups.
 
-        sum_t |block row t of B'M B_other|^2 / n_t, with M B_other = B_other - J H J' B_other: blocks
+        sum_t |block row t of B'P B_other|^2 / weight_t, with P B_other = B_other - J C J' B_other: blocks
         where both groups have rows are computed one by one, the rest only through k x k products.
         """
         cells, index = np.unique(np.stack([self.labels, other.labels]), axis=1, return_inverse=True)
-        common = _sum_by(index.reshape(-1), across)
+        common = _sum_by(index.reshape(-1), self.shift[:, :, None] * self.shift[:, None, :])
         mine, theirs = self.pulls[cells[0]], other.pulls[cells[1]]
-        taken = np.einsum("cki,kl,clj->cij", mine, unit_covariance, theirs)
+        taken = np.einsum("cki,kl,clj->cij", mine, self.covariance, theirs)
         at_cells = np.sum(common**2 - 2.0 * common * taken, axis=(1, 2))
-        spread = unit_covariance @ other.pull @ other.pull.T @ unit_covariance
+        spread = self.covariance @ other.pull @ other.pull.T @ self.covariance
         everywhere = np.einsum("gki,kl,gli->g", self.pulls, spread, self.pulls)
-        return float(np.sum(at_cells / self.counts[cells[0]]) + np.sum(everywhere / self.counts))
+        return float(np.sum(at_cells / self.weight[cells[0]]) + np.sum(everywhere / self.weight))
 
 
 def _sum_by(labels: NDArray[np.int64], values: Array) -> Array:
@@ -172,24 +194,26 @@ def _sum_by(labels: NDArray[np.int64], values: Array) -> Array:
     return np.asarray(sums, dtype=float).reshape(-1, *values.shape[1:])
 
 
-def _variances(
-    total: float, freedom: int, groups: dict[str, _Grouping], across: Array, unit_covariance: Array
-) -> tuple[float, dict[str, float]]:
-    """Row and group variances that match the observed sums of squares; negative ones count as none."""
+def _distinct(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.asarray(np.unique(labels, return_inverse=True)[1].reshape(-1), dtype=np.int64)
+
+
+def _variances(total: float, freedom: int, groups: dict[str, _Grouping]) -> tuple[float, dict[str, float]]:
+    """Unit and group variances that match the observed sums of squares; negative ones count as none."""
     names = list(groups)
     while names:
         chosen = [groups[name] for name in names]
         expected = np.array(
             [[float(freedom)] + [g.left.sum() for g in chosen]]
-            + [
-                [np.sum(h.left / h.counts)] + [h.expected_between(g, across, unit_covariance) for g in chosen]
-                for h in chosen
-            ]
+            + [[np.sum(h.left / h.weight)] + [h.expected_between(g) for g in chosen] for h in chosen]
         )
-        solved = np.linalg.lstsq(expected, np.array([total] + [g.between for g in chosen]), rcond=1e-9)[0]
-        if np.all(solved >= 0):
-            return float(solved[0]), dict(zip(names, map(float, solved[1:]), strict=True))
-        if solved[0] < 0 and np.all(solved[1:] >= 0):
-            return 0.0, dict(zip(names, map(float, solved[1:]), strict=True))
-        names.pop(int(np.argmin(solved[1:])))
+        # Columns have unlike units: without this, a cut-off of small singular values would depend on them.
+        size = np.abs(expected).max(axis=0)
+        solved = (
+            np.linalg.lstsq(expected / size, np.array([total] + [g.between for g in chosen]), rcond=1e-9)[0]
+            / size
+        )
+        if np.all(solved[1:] >= 0):
+            return max(float(solved[0]), 0.0), dict(zip(names, map(float, solved[1:]), strict=True))
+        names.pop(int(np.argmin(solved[1:] * size[1:])))
     return total / freedom, {}

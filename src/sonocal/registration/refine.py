@@ -1,4 +1,4 @@
-"""Refinement alone: from a start to the least squares answer on chosen rows."""
+"""Refinement alone: from a start to the best answer on chosen rows."""
 
 from __future__ import annotations
 
@@ -6,49 +6,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal import _core
-from sonocal.geometry import Array, AxisScaled
-from sonocal.registration.robust import Fit, Model, fit_of
+from sonocal.geometry import AxisScaled
+from sonocal.registration.robust import Fit, Model, Weighting, fit_of
+from sonocal.registration.rows import PointLineRows, transform_arrays
 
 __all__ = ["refine_point_lines"]
 
 
 def refine_point_lines(
     start: AxisScaled,
-    points: Array,
-    segments_mm: Array,
-    chosen: NDArray[np.bool_],
+    rows: PointLineRows,
+    chosen: NDArray[np.bool_] | None = None,
     *,
-    dimension: int,
     model: Model = "similarity",
-    max_iterations: int = 60,
+    weighting: Weighting = "likelihood",
+    sigma_px: float | None = None,
+    sigma_mm: float | None = None,
 ) -> Fit:
-    """The transform nearest to the start that minimises the squared distances of the chosen rows.
+    """The best transform near a start, on chosen rows; what is minimised is said at `fit_point_lines`.
 
-        min over R, t, s of sum_i d(L_i, A x_i)^2
-
-    Levenberg-Marquardt over rotation, translation and log scale, on the normal equations in
-    coordinates of order one: an iteration costs the same for ten rows as for a million.
+    Levenberg-Marquardt over rotation, translation and log scale, on the normal equations in coordinates of
+    order one: an iteration costs the same for ten rows as for a million.
 
     Args:
         start: mm from px.
-        points: (N, 3), px.
-        segments_mm: (N, 2, 3).
-        chosen: (N,), the rows to fit.
-        dimension: 2 or 3, the probe's.
+        rows: points and lines.
+        chosen: (N,), the rows to fit; default: all.
         model: one scale, or one along u and one along v.
-        max_iterations: at the most; `Fit.converged` says whether they sufficed.
+        weighting: what to minimise.
+        sigma_px: noise of a point along every axis, px, where known.
+        sigma_mm: noise of a segment's end point along every axis, mm, where known.
+
+    Returns:
+        The fit; `Fit.converged` says whether it came to rest.
 
     Source: paper section 8.
     """
-    found = _core.refine_calibration(
-        np.ascontiguousarray(points),
-        np.ascontiguousarray(segments_mm),
-        np.ascontiguousarray(chosen),
-        np.ascontiguousarray(start.rotation),
-        np.ascontiguousarray(start.translation),
-        np.ascontiguousarray(start.scales),
-        dimension=dimension,
+    chosen = np.ones(len(rows), dtype=bool) if chosen is None else np.ascontiguousarray(chosen)
+    found = _core.refine(
+        rows.points,
+        rows.segments_mm,
+        rows.codes(),
+        rows.sigma_px,
+        rows.sigma_mm,
+        chosen,
+        *transform_arrays(start),
+        dimension=rows.dimension,
         model=model,
-        max_iterations=max_iterations,
+        weighting=weighting,
+        level_px=rows.level_px(sigma_px),
+        level_mm=rows.level_mm(sigma_mm),
     )
-    return fit_of(found, model, np.asarray(chosen, dtype=bool))
+    return fit_of(found, model, weighting, chosen)

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from sonocal import _core
 from sonocal.errors import NoConsensusError
 from sonocal.geometry import Array, AxisScaled, Similarity
+from sonocal.registration.rows import PointLineRows
 
-__all__ = ["MINIMAL_ROWS", "Fit", "Model", "fit_point_lines"]
+__all__ = ["MINIMAL_ROWS", "Fit", "Model", "Weighting", "fit_point_lines"]
 
 # Four points in 2D, two points of each of two lines in 3D: 8 equations for 7 parameters.
 MINIMAL_ROWS = 4
 
 Model = Literal["similarity", "anisotropic"]
+Weighting = Literal["likelihood", "geometric"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,32 +28,42 @@ class Fit:
 
     Attributes:
         transform: mm from px.
-        unit_covariance: (k, k): ``(J'J)^-1`` over the agreeing rows, so that independent residuals of
-            standard deviation ``sigma`` mm give the tangent the covariance ``sigma^2 unit_covariance``.
+        model: one scale, or one along u and one along v.
+        weighting: what the refinement minimised.
+        covariance: (k, k), of the tangent. With the likelihood's weights it holds the noise; geometric, it is
+            ``(J'J)^-1``, for residuals of 1 mm.
+        sigma_px, sigma_mm: noise levels behind the likelihood's weights, given or estimated: of a point along
+            each image axis, of a segment's end point along each axis. Zero when geometric.
         residuals_mm: (N,): distance of every mapped point to its line.
-        inlier: (N,): whether the row is within the threshold.
+        inlier: (N,): whether the row was fitted.
+        threshold_mm: rows within this distance agree.
         least_information: least eigenvalue of J'J a row in coordinates of order one; 0: a motion is free.
         samples: how many minimal samples were tried.
         converged: whether the refinement came to rest.
     """
 
     transform: AxisScaled
-    unit_covariance: Array
+    model: Model
+    weighting: Weighting
+    covariance: Array
+    sigma_px: float
+    sigma_mm: float
     residuals_mm: Array
     inlier: NDArray[np.bool_]
+    threshold_mm: float
     least_information: float
     samples: int
     converged: bool
 
 
 def fit_point_lines(
-    points: Array,
-    segments_mm: Array,
-    sightings: NDArray[np.int64],
+    rows: PointLineRows,
     *,
-    dimension: int,
     model: Model = "similarity",
-    threshold_mm: float = 5.0,
+    weighting: Weighting = "likelihood",
+    threshold_mm: float | Literal["auto"] = 5.0,
+    sigma_px: float | None = None,
+    sigma_mm: float | None = None,
     confidence: float = 0.99999,
     max_samples: int = 10_000,
     exhaustive_samples: int = 2_000,
@@ -59,19 +71,28 @@ def fit_point_lines(
 ) -> Fit:
     """The transform that most points agree with, refined on those that do.
 
-        min over R, t, s of sum_i d(L_i, A x_i)^2        over the rows with d <= threshold
-
     Samples are four points (2D, paper section 6.2) or two lines of two points each (3D, closed form of
-    section 5): all combinations where they are few, else random ones. The refinement is
-    Levenberg-Marquardt over rotation, translation and scale (section 8).
+    section 5): all combinations where they are few, else random ones from different frames and targets.
+    Candidates are scored by truncated squared distances (MSAC) and refined on the rows that agree.
+
+    The last refinement minimises, over rotation, translation and scale,
+
+        sum_i d(L_i, A x_i)^2                      "geometric": paper section 8
+        sum_i r_i' V_i^-1 r_i                      "likelihood"
+
+    where V_i is the covariance that pixel noise through A and both end points' noise at the point's place
+    on its line give the residual, shared among points of one 3D line. Noise levels that are not given are
+    estimated by restricted maximum likelihood. Sightings further off than four standard deviations count
+    less (Huber).
 
     Args:
-        points: (N, 3), px; ``w = 0`` throughout for a 2D probe.
-        segments_mm: (N, 2, 3): two points of each line.
-        sightings: (N,): rows of one sighting lie on one image line; counted from 0. Of no effect in 2D.
-        dimension: 2 or 3, the probe's.
+        rows: points and lines.
         model: one scale, or one along u and one along v (2D only).
-        threshold_mm: rows within this distance agree (paper section 9: 5 mm).
+        weighting: what to minimise.
+        threshold_mm: rows within this distance agree (paper section 9: 5 mm); "auto": 3.3 standard deviations
+            of the noise, itself from the median distance, while more than half of the rows are sound.
+        sigma_px: noise of a point along every axis, px, where known; a factor of the rows' own column.
+        sigma_mm: noise of a segment's end point along every axis, mm, where known; likewise.
         confidence: of having drawn a sample without outliers.
         max_samples: random samples at the most.
         exhaustive_samples: up to this many combinations are all tried.
@@ -83,31 +104,39 @@ def fit_point_lines(
     Raises:
         NoConsensusError: no candidate agrees with more rows than a minimal sample fits anyway.
 
-    Source: paper sections 6.2, 8 and 9.
+    Source: paper sections 6.2, 8 and 9; MSAC: Torr and Zisserman 2000; local optimisation: Chum, Matas and
+        Kittler 2003; noise levels: Gilmour, Thompson and Cullis 1995.
     """
-    found = _core.estimate_calibration(
-        np.ascontiguousarray(points),
-        np.ascontiguousarray(segments_mm),
-        np.ascontiguousarray(sightings, dtype=np.int32),
-        dimension=dimension,
+    found = _core.estimate(
+        rows.points,
+        rows.segments_mm,
+        rows.codes(),
+        rows.frame,
+        rows.target,
+        rows.sigma_px,
+        rows.sigma_mm,
+        dimension=rows.dimension,
         model=model,
-        threshold_mm=threshold_mm,
+        weighting=weighting,
+        threshold_mm=0.0 if threshold_mm == "auto" else threshold_mm,
+        level_px=rows.level_px(sigma_px),
+        level_mm=rows.level_mm(sigma_mm),
         confidence=confidence,
         max_samples=max_samples,
         exhaustive_samples=exhaustive_samples,
         seed=seed,
     )
-    if not found.found or found.inliers < min(MINIMAL_ROWS + 1, len(points)):
+    if not found.found or found.inliers < min(MINIMAL_ROWS + 1, len(rows)):
         raise NoConsensusError(
-            f"no calibration brings more than {found.best_count} of {len(points)} rows within "
-            f"{threshold_mm:g} mm of their lines, and any {MINIMAL_ROWS} rows can be fitted; check that rows are "
-            "matched to the right needle poses and that segments are in the probe marker's frame in mm",
-            best_count=found.best_count,
+            f"no calibration brings more than {found.inliers} of {len(rows)} rows within "
+            f"{found.threshold_mm:.3g} mm of their lines, and any {MINIMAL_ROWS} rows can be fitted; check that rows "
+            "are matched to the right needle poses and that segments are in the probe marker's frame in mm",
+            best_count=found.inliers,
         )
-    return fit_of(found, model, np.sqrt(found.squares) <= threshold_mm)
+    return fit_of(found, model, weighting, np.sqrt(found.squares) <= found.threshold_mm)
 
 
-def fit_of(found: _core.Estimate, model: Model, inlier: NDArray[np.bool_]) -> Fit:
+def fit_of(found: _core.Estimate, model: Model, weighting: Weighting, inlier: NDArray[np.bool_]) -> Fit:
     """The core's plain struct as a fit."""
     if model == "similarity":
         transform: AxisScaled = Similarity(found.rotation, found.translation, found.scales[0])
@@ -115,9 +144,14 @@ def fit_of(found: _core.Estimate, model: Model, inlier: NDArray[np.bool_]) -> Fi
         transform = AxisScaled(found.rotation, found.translation, found.scales)
     return Fit(
         transform=transform,
-        unit_covariance=found.unit_covariance,
+        model=model,
+        weighting=weighting,
+        covariance=found.covariance,
+        sigma_px=found.level_px,
+        sigma_mm=found.level_mm,
         residuals_mm=np.sqrt(found.squares),
         inlier=inlier,
+        threshold_mm=found.threshold_mm,
         least_information=found.least_information,
         samples=found.samples,
         converged=found.converged,

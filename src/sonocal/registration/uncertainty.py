@@ -46,18 +46,25 @@ def point_covariance(transform: AxisScaled, covariance: Array, points: ArrayLike
     return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
 
-def radius_95(covariances: Array) -> Array:
+def radius_95(covariances: Array, freedom: float = np.inf) -> Array:
     """The error (...) in mm that 95 % stay below, for normal errors of covariance (..., 3, 3) in mm^2.
 
-    The squared error is a sum of three scaled chi-squared variables; a gamma distribution of the same
-    mean and variance stands in for it (Satterthwaite 1946), within 2 % of the exact quantile.
+    The squared error is a sum of three scaled chi-squared variables; one of the same mean and variance
+    stands in for it (Satterthwaite 1946), within 2 % of the exact quantile.
+
+    Args:
+        covariances: (..., 3, 3), mm^2.
+        freedom: residuals to spare that the covariance's own scale rests on: few make the error larger.
     """
-    from scipy.special import gammaincinv
+    from scipy.special import fdtri, gammaincinv
 
     mean = np.trace(covariances, axis1=-2, axis2=-1)
-    variance = 2.0 * np.sum(covariances**2, axis=(-2, -1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        squared = np.where(mean > 0, gammaincinv(mean**2 / variance, 0.95) * variance / mean, 0.0)
+        terms = mean**2 / np.sum(covariances**2, axis=(-2, -1))  # 1: along one line; 3: alike all round
+        ratio = (
+            2.0 * gammaincinv(terms / 2, 0.95) / terms if np.isinf(freedom) else fdtri(terms, freedom, 0.95)
+        )
+        squared = np.where(mean > 0, mean * ratio, 0.0)
     return np.asarray(np.sqrt(squared))
 
 
