@@ -1,200 +1,34 @@
 #include "sonocal/solvers/four_points.hpp"
 
-#include <Eigen/Geometry>
-#include <Eigen/LU>
-#include <cmath>
-
-#include "sonocal/solvers/polynomial.hpp"
+#include "sonocal/solvers/four_points_lanes.hpp"
 
 namespace sonocal {
-namespace {
-
-// A 3-vector that is affine in the two unknowns: constant + alpha * a + mu * m.
-struct Affine3 {
-  Vector3d constant, a, m;
-
-  Affine3 combine(double weight, const Affine3& other, double other_weight) const {
-    return {weight * constant + other_weight * other.constant, weight * a + other_weight * other.a,
-            weight * m + other_weight * other.m};
-  }
-  Affine3 minus(const Affine3& other) const { return combine(1.0, other, -1.0); }
-  Vector3d at(double alpha, double mu) const { return constant + alpha * a + mu * m; }
-};
-
-// mm mu^2 + am alpha mu + m mu + aa alpha^2 + a alpha + one
-struct Conic {
-  double mm, am, m, aa, a, one;
-
-  double at(double alpha, double mu) const {
-    return mu * (mm * mu + am * alpha + m) + alpha * (aa * alpha + a) + one;
-  }
-  double by_alpha(double alpha, double mu) const { return am * mu + 2.0 * aa * alpha + a; }
-  double by_mu(double alpha, double mu) const { return 2.0 * mm * mu + am * alpha + m; }
-};
-
-Conic dot(const Affine3& x, const Affine3& y) {
-  return {x.m.dot(y.m),
-          x.a.dot(y.m) + x.m.dot(y.a),
-          x.constant.dot(y.m) + x.m.dot(y.constant),
-          x.a.dot(y.a),
-          x.constant.dot(y.a) + x.a.dot(y.constant),
-          x.constant.dot(y.constant)};
-}
-
-Conic operator-(const Conic& x, const Conic& y) {
-  return {x.mm - y.mm, x.am - y.am, x.m - y.m, x.aa - y.aa, x.a - y.a, x.one - y.one};
-}
-
-double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
-// Eliminates mu from two conics: mu = -constant(alpha) / slope(alpha), and the quartic in alpha.
-struct Elimination {
-  std::array<double, 3> constant;
-  std::array<double, 2> slope;
-  std::array<double, 5> quartic;
-
-  double mu(double alpha) const {
-    return -(constant[0] + alpha * (constant[1] + alpha * constant[2])) / (slope[0] + alpha * slope[1]);
-  }
-};
-
-Elimination eliminate_mu(const Conic& f, const Conic& g) {
-  Elimination e;
-  e.slope = {f.mm * g.m - g.mm * f.m, f.mm * g.am - g.mm * f.am};
-  e.constant = {f.mm * g.one - g.mm * f.one, f.mm * g.a - g.mm * f.a, f.mm * g.aa - g.mm * f.aa};
-  // slope (f1 g0 - g1 f0) - constant^2, with f1, f0 the coefficients of mu and 1 in f.
-  const std::array<double, 4> mixed{
-      f.m * g.one - g.m * f.one, f.am * g.one + f.m * g.a - g.am * f.one - g.m * f.a,
-      f.am * g.a + f.m * g.aa - g.am * f.a - g.m * f.aa, f.am * g.aa - g.am * f.aa};
-  const auto& [c0, c1, c2] = e.constant;
-  const auto& [s0, s1] = e.slope;
-  e.quartic = {s0 * mixed[0] - c0 * c0, s0 * mixed[1] + s1 * mixed[0] - 2.0 * c0 * c1,
-               s0 * mixed[2] + s1 * mixed[1] - 2.0 * c0 * c2 - c1 * c1,
-               s0 * mixed[3] + s1 * mixed[2] - 2.0 * c1 * c2, s1 * mixed[3] - c2 * c2};
-  return e;
-}
-
-void polish(const Conic& f, const Conic& g, double& alpha, double& mu) {
-  for (int iteration = 0; iteration < 2; ++iteration) {
-    const double fa = f.by_alpha(alpha, mu), fm = f.by_mu(alpha, mu);
-    const double ga = g.by_alpha(alpha, mu), gm = g.by_mu(alpha, mu);
-    const double f0 = f.at(alpha, mu), g0 = g.at(alpha, mu);
-    const double inverse = 1.0 / (fa * gm - fm * ga);
-    const double da = (f0 * gm - g0 * fm) * inverse, dm = (fa * g0 - ga * f0) * inverse;
-    if (!std::isfinite(da) || !std::isfinite(dm)) return;
-    alpha -= da;
-    mu -= dm;
-  }
-}
-
-// The rotation and scale whose first two columns are nearest to c1, c2, treating both alike.
-bool frame_from_columns(const Vector3d& c1, const Vector3d& c2, Transform& out) {
-  const double l1 = c1.norm(), l2 = c2.norm();
-  const Vector3d sum = c1 / l1 + c2 / l2, difference = c1 / l1 - c2 / l2;
-  const Vector3d e1 = sum.normalized(), e2 = difference.normalized();
-  out.rotation.col(0) = (e1 + e2) * M_SQRT1_2;
-  out.rotation.col(1) = (e1 - e2) * M_SQRT1_2;
-  out.rotation.col(2) = out.rotation.col(0).cross(out.rotation.col(1));
-  const double scale = 0.5 * (l1 + l2);
-  out.scales.setConstant(scale);
-  return scale > 0 && std::isfinite(out.rotation.sum()) && std::isfinite(scale);
-}
-
-}  // namespace
 
 int four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions,
                 NoRealRoot policy) {
-  // Centre both sides; take each line's point nearest to the centre.
-  Vector2d image_centre = Vector2d::Zero();
-  Vector3d centre = Vector3d::Zero();
-  for (const auto& o : problem) {
-    image_centre += 0.25 * o.image;
-    centre += 0.25 * o.point;
-  }
-  std::array<Vector2d, 4> x;
-  std::array<Vector3d, 4> foot;
-  double size = 0, image_size = 0;
+  planar::Problem<double> p;
   for (int i = 0; i < 4; ++i) {
-    const Vector3d from_centre = problem[i].point - centre;
-    x[i] = problem[i].image - image_centre;
-    foot[i] = from_centre - problem[i].direction * problem[i].direction.dot(from_centre);
-    size += foot[i].norm();
-    image_size += x[i].norm();
+    p.row[i].image = {problem[i].image.x(), problem[i].image.y()};
+    p.row[i].foot = load(problem[i].point);
+    p.row[i].direction = load(problem[i].direction);
   }
-  if (!(size > 0) || !(image_size > 0)) return 0;  // also refuses NaN
-  for (int i = 0; i < 4; ++i) {
-    foot[i] /= size;
-    x[i] /= image_size;
-  }
-
-  // sum_i w_i (x_i, 1) = 0: w_i is the signed area of the triangle of the other three.
-  const std::array<double, 4> w{cross(x[2] - x[1], x[3] - x[1]), -cross(x[2] - x[0], x[3] - x[0]),
-                                cross(x[1] - x[0], x[3] - x[0]), -cross(x[1] - x[0], x[2] - x[0])};
-
-  // Point e is held to one plane only; the lines of the three others make the best conditioned 3 x 3.
-  int e = 0;
-  double best = 0;
-  for (int i = 0; i < 4; ++i) {
-    const int a = (i + 1) % 4, b = (i + 2) % 4, c = (i + 3) % 4;
-    const auto& [da, db, dc] = std::tie(problem[a].direction, problem[b].direction, problem[c].direction);
-    const double volume = std::fabs(w[a] * w[b] * w[c] * da.dot(db.cross(dc)));
-    if (volume > best) {
-      best = volume;
-      e = i;
-    }
-  }
-  if (!(best > 0)) return 0;
-  const std::array<int, 3> others{(e + 1) % 4, (e + 2) % 4, (e + 3) % 4};
-
-  // Every point as an affine function of alpha (along line e) and mu (across it):
-  //     P_e = f_e + alpha d_e + mu m_e,   P_i = f_i + lambda_i d_i,   sum_i w_i P_i = 0.
-  Matrix3d columns;
-  Vector3d sum = w[e] * foot[e];
-  for (int i = 0; i < 3; ++i) {
-    columns.col(i) = w[others[i]] * problem[others[i]].direction;
-    sum += w[others[i]] * foot[others[i]];
-  }
-  Vector3d across, unused;
-  perpendicular_basis(problem[e].direction, across, unused);
-  const Matrix3d inverse = columns.inverse();
-  const Vector3d l0 = -inverse * sum;
-  const Vector3d la = -w[e] * (inverse * problem[e].direction), lm = -w[e] * (inverse * across);
-  std::array<Affine3, 4> p;
-  p[e] = {foot[e], problem[e].direction, across};
-  for (int i = 0; i < 3; ++i) {
-    const Vector3d& d = problem[others[i]].direction;
-    p[others[i]] = {foot[others[i]] + l0[i] * d, la[i] * d, lm[i] * d};
-  }
-
-  // c1 and c2 from the three points of the largest triangle.
-  int left_out = 0;
-  for (int i = 1; i < 4; ++i)
-    if (std::fabs(w[i]) > std::fabs(w[left_out])) left_out = i;
-  const int i0 = (left_out + 1) % 4, i1 = (left_out + 2) % 4, i2 = (left_out + 3) % 4;
-  const Vector2d u = x[i1] - x[i0], v = x[i2] - x[i0];
-  const Affine3 du = p[i1].minus(p[i0]), dv = p[i2].minus(p[i0]);
-  const double area = 1.0 / cross(u, v);
-  const Affine3 c1 = du.combine(v.y() * area, dv, -u.y() * area);
-  const Affine3 c2 = du.combine(-v.x() * area, dv, u.x() * area);
-
-  const Conic f = dot(c1, c1) - dot(c2, c2), g = dot(c1, c2);
-  const Elimination elimination = eliminate_mu(f, g);
-  const Roots roots = quartic_roots(elimination.quartic, policy == NoRealRoot::kRealPart);
-
+  planar::Solved<double> solved;
+  planar::solve(p, solved);
   int count = 0;
-  for (int i = 0; i < roots.count; ++i) {
-    double alpha = roots.value[i], mu = elimination.mu(alpha);
-    if (i < roots.real_count) polish(f, g, alpha, mu);
-    Transform& out = solutions[count];
-    if (!frame_from_columns(c1.at(alpha, mu), c2.at(alpha, mu), out)) continue;
-    out.scales *= size / image_size;
-    // The translation that carries the points' centre to their images' centre.
-    Vector3d mean = Vector3d::Zero();
-    for (const Affine3& point : p) mean += 0.25 * point.at(alpha, mu);
-    out.translation = centre + size * mean - out.linear().leftCols<2>() * image_centre;
-    if (out.translation.allFinite()) ++count;
-  }
+  for (int i = 0; i < 4; ++i)
+    if (solved.real[i]) write(solved.candidate[i], solutions[count++]);
+  if (policy == NoRealRoot::kRealPart)
+    for (int i = 0; i < 2; ++i)
+      if (solved.part[i]) write(solved.candidate[2 * i], solutions[count++]);
   return count;
+}
+
+void four_points_batch(const double* points, const double* segments, std::size_t size, NoRealRoot policy,
+                       int threads, BatchOut out) {
+  in_threads(size, threads, [&](std::size_t begin, std::size_t end) {
+    kernels().four_points(points + begin * 8, segments + begin * 24, end - begin,
+                          policy == NoRealRoot::kRealPart, {out.matrices + begin * 64, out.counts + begin});
+  });
 }
 
 }  // namespace sonocal

@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "sonocal/solvers/batch.hpp"
 #include "sonocal/transform.hpp"
 
 namespace sonocal {
@@ -30,5 +31,9 @@ enum class NoRealRoot {
 // elimination.
 int four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions,
                 NoRealRoot policy = NoRealRoot::kNothing);
+
+// The same for many problems, up to 4 solutions each: points (size, 4, 2) px, segments (size, 4, 2, 3) mm.
+void four_points_batch(const double* points, const double* segments, std::size_t size, NoRealRoot policy,
+                       int threads, BatchOut out);
 
 }  // namespace sonocal

@@ -1,0 +1,45 @@
+// Threads over batches, and the bridge between lanes and Eigen.
+#pragma once
+
+#include <algorithm>
+#include <thread>
+#include <vector>
+
+#include "sonocal/solvers/kernels.hpp"
+#include "sonocal/solvers/lanes.hpp"
+#include "sonocal/transform.hpp"
+
+namespace sonocal {
+
+inline Vec3<double> load(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+inline void write(const Candidate<double>& c, Transform& out) {
+  for (int k = 0; k < 3; ++k) out.rotation.col(k) << c.column[k].x, c.column[k].y, c.column[k].z;
+  out.translation << c.translation.x, c.translation.y, c.translation.z;
+  out.scales.setConstant(c.scale);
+}
+
+inline void write_row_major(const Transform& a, double* out) {
+  Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> map(out);
+  map = a.matrix();
+}
+
+// Runs solve(begin, end) over 0 .. size in equal parts. Every problem is solved the same way wherever it
+// falls, as parts begin at whole packs.
+template <class Solve>
+void in_threads(std::size_t size, int threads, const Solve& solve) {
+  constexpr std::size_t kBlock = 64;
+  const std::size_t blocks = (size + kBlock - 1) / kBlock;
+  const std::size_t parts = std::min<std::size_t>(std::max(threads, 1), blocks);
+  if (parts <= 1) {
+    if (size > 0) solve(std::size_t{0}, size);
+    return;
+  }
+  std::vector<std::thread> workers;
+  for (std::size_t p = 0; p < parts; ++p)
+    workers.emplace_back([&solve, begin = p * blocks / parts * kBlock,
+                          end = std::min(size, (p + 1) * blocks / parts * kBlock)] { solve(begin, end); });
+  for (auto& worker : workers) worker.join();
+}
+
+}  // namespace sonocal
