@@ -6,6 +6,7 @@
 
 #include "bind/arrays.hpp"
 #include "sonocal/solvers/four_points.hpp"
+#include "sonocal/solvers/three_quadrics.hpp"
 #include "sonocal/solvers/two_lines.hpp"
 
 using namespace nb::literals;
@@ -51,11 +52,21 @@ Solved two_lines_arrays(In<double, nb::shape<-1, 2, 2, 3>> image, In<double, nb:
   });
 }
 
+Solved three_quadrics_arrays(In<double, nb::shape<-1, 7, 3>> points, In<double, nb::shape<-1, 7, 4>> planes,
+                             int threads) {
+  check_batches(points.shape(0), planes.shape(0));
+  return solve_batch(points.shape(0), 8, [&](BatchOut out) {
+    three_quadrics_batch(points.data(), planes.data(), points.shape(0), threads, out);
+  });
+}
+
 }  // namespace
 
 void bind_solvers(nb::module_& m) {
   m.def("four_points", &four_points_arrays, "points"_a.noconvert(), "segments"_a.noconvert(), "real_parts"_a,
         "threads"_a);
   m.def("two_lines", &two_lines_arrays, "image_segments"_a.noconvert(), "needle_segments"_a.noconvert(),
+        "threads"_a);
+  m.def("three_quadrics", &three_quadrics_arrays, "points"_a.noconvert(), "planes"_a.noconvert(),
         "threads"_a);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <thread>
 #include <vector>
 
@@ -22,6 +23,19 @@ inline void write(const Candidate<double>& c, Transform& out) {
 inline void write_row_major(const Transform& a, double* out) {
   Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> map(out);
   map = a.matrix();
+}
+
+// One problem after the other, for solvers without lanes: solve(b, solutions) returns the count.
+template <int kMost, class Solve>
+void solve_each(std::size_t begin, std::size_t end, BatchOut out, const Solve& solve) {
+  std::array<Transform, kMost> solutions;
+  for (std::size_t b = begin; b < end; ++b) {
+    const int count = solve(b, solutions);
+    double* m = out.matrices + b * kMost * 16;
+    for (int k = 0; k < count; ++k) write_row_major(solutions[k], m + 16 * k);
+    std::fill(m + 16 * count, m + 16 * kMost, kNoSolution);
+    out.counts[b] = count;
+  }
 }
 
 // Runs solve(begin, end) over 0 .. size in equal parts. Every problem is solved the same way wherever it

@@ -13,11 +13,12 @@ int four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform,
     p.row[i].direction = load(problem[i].direction);
   }
   planar::Solved<double> solved;
-  planar::solve(p, solved);
+  const bool real_parts = policy == NoRealRoot::kRealPart;
+  planar::solve(p, real_parts, solved);
   int count = 0;
   for (int i = 0; i < 4; ++i)
     if (solved.real[i]) write(solved.candidate[i], solutions[count++]);
-  if (policy == NoRealRoot::kRealPart)
+  if (real_parts)
     for (int i = 0; i < 2; ++i)
       if (solved.part[i]) write(solved.candidate[2 * i], solutions[count++]);
   return count;

@@ -149,7 +149,7 @@ struct Solved {
 };
 
 template <class T>
-SONOCAL_INLINE void solve(Problem<T>& p, Solved<T>& out) {
+SONOCAL_INLINE void solve(Problem<T>& p, bool real_parts, Solved<T>& out) {
   prepare(p);
   const Columns<T> columns = columns_of(p.row);
   const T one = broadcast<T>(1.0);
@@ -160,7 +160,7 @@ SONOCAL_INLINE void solve(Problem<T>& p, Solved<T>& out) {
   for (int i = 0; i < 4; ++i) {
     out.real[i] = roots.real[i / 2] & p.valid;
     if (i % 2 == 0) out.part[i / 2] = roots.part[i / 2] & p.valid;
-    const Mask<T> wanted = i % 2 == 0 ? out.real[i] | out.part[i / 2] : out.real[i];
+    const Mask<T> wanted = i % 2 == 0 && real_parts ? out.real[i] | out.part[i / 2] : out.real[i];
     if (!any(wanted)) continue;
     T alpha = roots.value[i], mu = elimination.mu(alpha);
     polish(f, g, out.real[i], alpha, mu);
@@ -188,7 +188,7 @@ SONOCAL_INLINE void pack(const double* points, const double* segments, int probl
     p.row[i].direction = unit(gather3(segments + 6 * i + 3, 24, problems - 1) - p.row[i].foot);
   }
   Solved<Pack> solved;
-  solve(p, solved);
+  solve(p, real_parts, solved);
   for (int b = 0; b < problems; ++b) out.counts[b] = 0;
   for (int i = 0; i < 4; ++i) append<4>(solved.candidate[i], solved.real[i], problems, out);
   if (real_parts)

@@ -26,14 +26,19 @@ SONOCAL_INLINE T largest_cubic_root(const T& b, const T& c, const T& d) {
   const T half_q = 0.5 * (d - c * shift) + shift * shift * shift;
   const T discriminant = half_q * half_q + third_p * third_p * third_p;
   const Mask<T> one_real = discriminant > 0.0;
-  const T u = cube_root(abs(half_q) + sqrt(select(one_real, discriminant, T{})));
-  const T single = with_sign(select(u > 0.0, third_p / u - u, T{}), half_q);
-
-  const T radius = sqrt(select(third_p < 0.0, -third_p, T{}));
-  const T ratio = select(radius > 0.0, -half_q / (radius * radius * radius), T{});
-  const T largest_of_three =
-      2.0 * radius * cosine_of_third(select(abs(ratio) < 1.0, ratio, with_sign(broadcast<T>(1.0), ratio)));
-  return select(one_real, single, largest_of_three) - shift;
+  T x{};
+  if (any(one_real)) {
+    const T u = cube_root<T>(abs(half_q) + sqrt<T>(select(one_real, discriminant, T{})));
+    x = with_sign<T>(select(u > 0.0, third_p / u - u, T{}), half_q);
+  }
+  if (any(discriminant <= 0.0)) {
+    const T one = broadcast<T>(1.0), radius = sqrt<T>(select(third_p < 0.0, -third_p, T{}));
+    const T ratio = select(radius > 0.0, -half_q / (radius * radius * radius), T{});
+    const T largest =
+        2.0 * radius * cosine_of_third<T>(select(abs(ratio) < 1.0, ratio, with_sign(one, ratio)));
+    x = select(one_real, x, largest);
+  }
+  return x - shift;
 }
 
 template <class T>
@@ -78,8 +83,9 @@ SONOCAL_INLINE QuarticRoots<T> quartic_roots(const T (&a)[5]) {
     roots.part[pair] = discriminant < 0.0;
   }
   for (int i = 0; i < 4; ++i) {
+    if (!any(roots.real[i / 2] | roots.part[i / 2])) continue;
     T& x = roots.value[i];
-    for (int iteration = 0; iteration < 2; ++iteration) {
+    for (int iteration = 0; iteration < 2 && any(roots.real[i / 2]); ++iteration) {
       const T f = (((x + b3) * x + b2) * x + b1) * x + b0;
       const T slope = ((4.0 * x + 3.0 * b3) * x + 2.0 * b2) * x + b1;
       const T step = f / slope;
