@@ -10,7 +10,21 @@
 #include "sonocal/solvers/lanes.hpp"
 #include "sonocal/transform.hpp"
 
+// Compiles a function, with all it calls, for newer x86-64 too, and picks one when the library loads.
+// Sanitizers start after the picking.
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__)
+#define SONOCAL_CLONES __attribute__((target_clones("arch=x86-64-v3", "default"), flatten))
+#else
+#define SONOCAL_CLONES
+#endif
+
 namespace sonocal {
+
+enum class NoRealRoot {
+  kNothing,   // complex pairs give no solution: exactly the solutions of the equations
+  kRealPart,  // each complex pair gives its real part: a start for refinement
+};
 
 inline Vec3<double> load(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -23,6 +37,16 @@ inline void write(const Candidate<double>& c, Transform& out) {
 inline void write_row_major(const Transform& a, double* out) {
   Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> map(out);
   map = a.matrix();
+}
+
+inline Transform read_row_major(const double* in) {
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(in);
+  Transform a;
+  const double scale = m.topLeftCorner<3, 1>().norm();
+  a.rotation = m.topLeftCorner<3, 3>() / scale;
+  a.scales.setConstant(scale);
+  a.translation = m.topRightCorner<3, 1>();
+  return a;
 }
 
 // One problem after the other, for solvers without lanes: solve(b, solutions) returns the count.

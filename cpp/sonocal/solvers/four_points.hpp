@@ -14,11 +14,6 @@ struct PointOnLine {
   Vector3d direction;  // unit
 };
 
-enum class NoRealRoot {
-  kNothing,   // complex pairs give no solution: exactly the solutions of the equations
-  kRealPart,  // each complex pair gives its real part: a start for refinement
-};
-
 // Similarities with A x_i on line i, i = 1..4, by 7 of the 8 equations: the fourth point of the
 // chosen elimination is held to one plane through its line only. Two conics
 //

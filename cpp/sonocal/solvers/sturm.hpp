@@ -49,14 +49,17 @@ class SturmChain {
 
   // Changes of sign along the chain at x; at infinity of either sign by the leading coefficients.
   int changes(double x) const {
+    // Members past the end are zero: they change nothing, and a fixed length keeps the loops unrolled.
+    std::array<double, N + 1> value;
+    for (int k = 0; k <= N; ++k) value[k] = members_[k][N - k];
+    for (int i = N - 1; i >= 0; --i)
+      for (int k = 0; k <= N; ++k)
+        if (i < N - k) value[k] = value[k] * x + members_[k][i];
     int count = 0;
-    bool negative = false;
-    for (int k = 0; k < length_; ++k) {
-      const auto& p = members_[k];
-      double value = p[N - k];
-      for (int i = N - k; i-- > 0;) value = value * x + p[i];
-      const bool now = value < 0;
-      count += k > 0 && now != negative;
+    bool negative = value[0] < 0;
+    for (int k = 1; k < length_; ++k) {
+      const bool now = value[k] < 0;
+      count += now != negative;
       negative = now;
     }
     return count;
@@ -74,7 +77,7 @@ class SturmChain {
 
   // The root between low and high, where the polynomial has opposite signs: Newton, bisecting where it
   // strays.
-  double polish(double low, double high) const {
+  double polish(double low, double high, double tolerance) const {
     double at_low = value(low);
     double x = 0.5 * (low + high);
     for (int iteration = 0; iteration < 60; ++iteration) {
@@ -91,7 +94,7 @@ class SturmChain {
       if (!(next > low && next < high)) next = 0.5 * (low + high);
       const double moved = std::fabs(next - x);
       x = next;
-      if (moved <= 1e-10 * std::fabs(x)) break;
+      if (moved <= tolerance * std::fabs(x)) break;
     }
     return x;
   }
@@ -112,13 +115,14 @@ class SturmChain {
     return true;
   }
 
-  std::array<std::array<double, N + 1>, N + 1> members_;
+  std::array<std::array<double, N + 1>, N + 1> members_{};
   int length_ = 0;
 };
 
-// Distinct real roots, without bounds: intervals of u are halved, x = u / (1 - |u|).
+// Distinct real roots; Newton stops after a step of `tolerance` relative to the root. Without bounds:
+// intervals of u are halved, x = u / (1 - |u|).
 template <int N>
-inline int real_roots(const Polynomial<N>& p, std::array<double, N>& roots) {
+inline int real_roots(const Polynomial<N>& p, double tolerance, double* roots) {
   double largest = 0;
   for (const double c : p) largest = std::fmax(largest, std::fabs(c));
   if (!(std::fabs(p[N]) > 1e-200 * largest) || !std::isfinite(largest)) return 0;
@@ -140,7 +144,7 @@ inline int real_roots(const Polynomial<N>& p, std::array<double, N>& roots) {
     if (inside == 1 && bounded && width < 0.3) {
       const double low = x_of(i.low), high = x_of(i.high);
       if ((chain.value(low) < 0) != (chain.value(high) < 0)) {
-        if (count < N) roots[count++] = chain.polish(low, high);
+        if (count < N) roots[count++] = chain.polish(low, high, tolerance);
         continue;
       }
     }

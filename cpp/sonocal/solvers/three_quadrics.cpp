@@ -15,6 +15,9 @@ using Quaternion = Eigen::Vector4d;         // w x y z
 
 constexpr int kForm[4][4] = {{0, 4, 5, 6}, {4, 1, 7, 8}, {5, 7, 2, 9}, {6, 8, 9, 3}};
 
+// Roots are only where Newton on the equations starts.
+constexpr double kRootTolerance = 1e-4;
+
 // A rotation with nothing special about it: solutions at round angles would lie where two of the
 // quaternion's components vanish, and the elimination divides by one of them.
 const Matrix3d kTilt = Eigen::Quaterniond(0.58, -0.35, 0.67, 0.29).normalized().toRotationMatrix();
@@ -190,10 +193,25 @@ bool polish(const std::array<Equation, 3>& equations, Quaternion& q, Matrix3d& r
     q.tail<3>() += w * step + step.cross(v);
     q.normalize();
     last = moved;
-    if (moved < 1e-18) break;
+    if (moved < 1e-15) break;  // the next step would be of its square
   }
   rotation = rotation_of(q);
   return last < 1e-12;
+}
+
+// Where |p| has a minimum above zero: near the real part of a complex pair that noise has parted.
+int near_roots(const Polynomial<8>& p, double* out) {
+  Polynomial<7> slope;
+  for (int i = 0; i < 8; ++i) slope[i] = (i + 1) * p[i + 1];
+  std::array<double, 7> extrema;
+  const int found = real_roots<7>(slope, kRootTolerance, extrema.data());
+  int count = 0;
+  for (int i = 0; i < found; ++i) {
+    double bend = 0;
+    for (int k = 8; k >= 2; --k) bend = bend * extrema[i] + k * (k - 1) * p[k];
+    if (bend * evaluate(p, extrema[i]) > 0) out[count++] = extrema[i];
+  }
+  return count;
 }
 
 // Centres both sides and scales them to order one: what the elimination sees.
@@ -237,7 +255,8 @@ bool rows_of(const std::array<PointOnPlane, 7>& problem, Rows& m, Scaling& scali
 
 }  // namespace
 
-int three_quadrics(const std::array<PointOnPlane, 7>& problem, std::array<Transform, 8>& solutions) {
+SONOCAL_CLONES int three_quadrics(const std::array<PointOnPlane, 7>& problem,
+                                  std::array<Transform, 8>& solutions, NoRealRoot policy) {
   Rows m;
   Scaling scaling;
   if (!rows_of(problem, m, scaling) || !eliminate(m)) return 0;
@@ -252,13 +271,20 @@ int three_quadrics(const std::array<PointOnPlane, 7>& problem, std::array<Transf
   }
   const Parts parts = choose(forms);
   const Resultant eliminated = resultant(reduce(forms, parts));
-  std::array<double, 8> roots;
-  const int found = real_roots<8>(eliminated.polynomial(), roots);
+  std::array<double, 16> roots;
+  const Polynomial<8> polynomial = eliminated.polynomial();
+  const int real = real_roots<8>(polynomial, kRootTolerance, roots.data());
+  int found = real;
+  if (policy == NoRealRoot::kRealPart) found += near_roots(polynomial, roots.data() + real);
   int count = 0;
-  for (int i = 0; i < found; ++i) {
+  for (int i = 0; i < found && count < 8; ++i) {
     Quaternion q = quaternion_at(eliminated, parts, roots[i]);
     Matrix3d tilted;
-    if (!polish(equations, q, tilted)) continue;
+    if (i < real) {
+      if (!polish(equations, q, tilted)) continue;
+    } else {
+      tilted = rotation_of(q);
+    }
     Transform& out = solutions[count];
     out.rotation = tilted * kTilt.transpose();
     // The fourth row gives the scale, the first three the translation.
@@ -282,16 +308,13 @@ int three_quadrics(const std::array<PointOnPlane, 7>& problem, std::array<Transf
   return count;
 }
 
-void three_quadrics_batch(const double* points, const double* planes, std::size_t size, int threads,
-                          BatchOut out) {
+void three_quadrics_batch(const double* points, const double* planes, std::size_t size, int rows,
+                          NoRealRoot policy, int threads, BatchOut out) {
   in_threads(size, threads, [&](std::size_t begin, std::size_t end) {
     std::array<PointOnPlane, 7> problem;
     solve_each<8>(begin, end, out, [&](std::size_t b, std::array<Transform, 8>& solutions) {
-      for (int i = 0; i < 7; ++i) {
-        const double *x = points + (b * 7 + i) * 3, *p = planes + (b * 7 + i) * 4;
-        problem[i] = {{x[0], x[1], x[2]}, {p[0], p[1], p[2]}, p[3]};
-      }
-      return three_quadrics(problem, solutions);
+      for (int i = 0; i < 7; ++i) problem[i] = read_row(points, planes, b * rows + i);
+      return three_quadrics(problem, solutions, policy);
     });
   });
 }
