@@ -81,16 +81,21 @@ SONOCAL_INLINE void polish(const Conic<T>& f, const Conic<T>& g, const Mask<T>& 
 // 3 x 2 matrix, with (C^T C)^(1/2) in closed form. The scale is the mean singular value.
 template <class T>
 SONOCAL_INLINE void frame_from_columns(Vec3<T> c1, Vec3<T> c2, Candidate<T>& out) {
-  // Far from orthogonal columns lose digits in their sums; a second round restores them.
+  // Far from orthogonal columns lose digits in their sums; a second round restores them, there alone: what a
+  // lane gives must not depend on its neighbours.
+  Mask<T> rough{};
   for (int round = 0; round < 2; ++round) {
     const T a = dot(c1, c1), b = dot(c2, c2), g = dot(c1, c2);
-    const T root = sqrt(a * b - g * g), trace = sqrt(a + b + 2.0 * root);
+    const T root = sqrt<T>(a * b - g * g), trace = sqrt<T>(a + b + 2.0 * root);
     const T inverse = 1.0 / (root * trace);
     const Vec3<T> r1 = (inverse * (b + root)) * c1 - (inverse * g) * c2;
-    c2 = (inverse * (a + root)) * c2 - (inverse * g) * c1;
-    c1 = r1;
-    if (round == 0) out.scale = 0.5 * trace;
-    if (!any(abs(a - b) + abs(g) > 1e-3 * root)) break;
+    const Vec3<T> r2 = (inverse * (a + root)) * c2 - (inverse * g) * c1;
+    c1 = round == 0 ? r1 : select_vec(rough, r1, c1);
+    c2 = round == 0 ? r2 : select_vec(rough, r2, c2);
+    if (round == 1) break;
+    out.scale = 0.5 * trace;
+    rough = abs(a - b) + abs(g) > 1e-3 * root;
+    if (!any(rough)) break;
   }
   out.column[0] = c1;
   out.column[1] = c2;

@@ -57,21 +57,30 @@ SONOCAL_INLINE void weigh(Row<T> (&row)[4]) {
   row[0].weight = -(row[1].weight + row[2].weight + row[3].weight);
 }
 
-// Brings the point to hold to one plane only to the end: the other three lines make the best 3 x 3.
+// Orders the rows so that the sum of places closes best: rows 0 and 1 span a plane with their directions,
+// row 3 can leave its line across that plane, row 2 is what is left. Needles often tilt in one plane only,
+// so places along three lines alone could not always close it. Returns zero where nothing does.
 template <class T>
 SONOCAL_INLINE T order(Row<T> (&row)[4]) {
-  const Vec3<T> first = cross(row[0].direction, row[1].direction);
-  const Vec3<T> last = cross(row[2].direction, row[3].direction);
-  const T w01 = row[0].weight * row[1].weight, w23 = row[2].weight * row[3].weight;
-  const T volume[3] = {abs(row[1].weight * w23 * dot(row[1].direction, last)),
-                       abs(row[0].weight * w23 * dot(row[0].direction, last)),
-                       abs(w01 * row[3].weight * dot(row[3].direction, first))};
-  T best = abs(w01 * row[2].weight * dot(row[2].direction, first));
+  T best{}, last = broadcast<T>(3.0), third = broadcast<T>(2.0);
+  for (int e = 0; e < 4; ++e)
+    for (int c = 0; c < 4; ++c) {
+      if (c == e) continue;
+      const int a = e == 0 || c == 0 ? (e == 1 || c == 1 ? 2 : 1) : 0, b = 6 - e - c - a;
+      const Vec3<T> normal = cross(row[a].direction, row[b].direction);
+      const T along = dot(normal, row[e].direction), w = row[a].weight * row[b].weight * row[e].weight;
+      const T volume = w * w * (dot(normal, normal) - along * along);
+      const Mask<T> better = volume > best;
+      best = select(better, volume, best);
+      last = select(better, broadcast<T>(e), last);
+      third = select(better, broadcast<T>(c), third);
+    }
   for (int i = 0; i < 3; ++i) {
-    const Mask<T> better = volume[i] > best;
-    swap_rows<T>(better, row[i], row[3]);
-    best = select(better, volume[i], best);
+    const Mask<T> here = last == static_cast<double>(i);
+    swap_rows<T>(here, row[i], row[3]);
+    third = select(here & (third == 3.0), broadcast<T>(i), third);
   }
+  for (int i = 0; i < 2; ++i) swap_rows<T>(third == static_cast<double>(i), row[i], row[2]);
   return best;
 }
 
@@ -106,38 +115,48 @@ struct Columns {
   Affine3<T> c1, c2, mean;
 };
 
-// Every point as an affine function of alpha (along the last line) and mu (across it):
-//     P_e = f_e + alpha d_e + mu m_e,   P_i = f_i + lambda_i d_i,   sum_i w_i P_i = 0,
-// then the columns by least squares, (c1 c2) = sum_i P_i x_i^T (sum_i x_i x_i^T)^-1.
+// The points as affine functions of alpha (along line 3) and mu (along line 2), with m across lines 0 and 1:
+//     P_i = f_i + lambda_i d_i, i = 0, 1,  P_2 = f_2 + mu d_2,  P_3 = f_3 + alpha d_3 + nu m,
+//     sum_i w_i P_i = 0 gives lambda_0, lambda_1, nu.
+template <class T>
+SONOCAL_INLINE void place(const Row<T> (&row)[4], Affine3<T> (&point)[4]) {
+  Vec3<T> sum{};
+  for (const Row<T>& r : row) sum = sum + r.weight * r.foot;
+  const Vec3<T> normal = cross(row[0].direction, row[1].direction);
+  const T inverse = 1.0 / dot(normal, normal), root = sqrt(inverse);
+  const Vec3<T> across = root * normal;
+  const Vec3<T> by_alpha = row[3].weight * row[3].direction, by_mu = row[2].weight * row[2].direction;
+  // Rows of the inverse of (d_0 d_1 m).
+  const Vec3<T> faces[3] = {cross(row[1].direction, inverse * normal),
+                            cross(inverse * normal, row[0].direction), across};
+  for (int i = 0; i < 2; ++i) {
+    const Vec3<T> face = (-1.0 / row[i].weight) * faces[i];
+    const Vec3<T>& d = row[i].direction;
+    point[i] = {row[i].foot + dot(face, sum) * d, dot(face, by_alpha) * d, dot(face, by_mu) * d};
+  }
+  const Vec3<T> face = (-1.0 / row[3].weight) * across;
+  point[2] = {row[2].foot, Vec3<T>{}, row[2].direction};
+  point[3] = {row[3].foot + dot(face, sum) * across, row[3].direction + dot(face, by_alpha) * across,
+              dot(face, by_mu) * across};
+}
+
+// The columns by least squares, (c1 c2) = sum_i P_i x_i^T (sum_i x_i x_i^T)^-1.
 template <class T>
 SONOCAL_INLINE Columns<T> columns_of(const Row<T> (&row)[4]) {
   T xx{}, xy{}, yy{};
-  Vec3<T> sum{};
   for (const Row<T>& r : row) {
     xx = xx + r.image.x * r.image.x;
     xy = xy + r.image.x * r.image.y;
     yy = yy + r.image.y * r.image.y;
-    sum = sum + r.weight * r.foot;
   }
   const T unit = 1.0 / (xx * yy - xy * xy), quarter = broadcast<T>(0.25);
-  const Row<T>& e = row[3];
-  const Vec3<T> across = any_normal(e.direction);
-  const Vec3<T> faces[3] = {cross(row[1].direction, row[2].direction),
-                            cross(row[2].direction, row[0].direction),
-                            cross(row[0].direction, row[1].direction)};
-  const T inverse = -1.0 / dot(row[0].direction, faces[0]);
+  Affine3<T> point[4];
+  place(row, point);
   Columns<T> out{};
   for (int i = 0; i < 4; ++i) {
-    const Row<T>& r = row[i];
-    Affine3<T> point{r.foot, e.direction, across};
-    if (i < 3) {
-      const Vec3<T> face = (inverse / r.weight) * faces[i];
-      point = {r.foot + dot(face, sum) * r.direction, (e.weight * dot(face, e.direction)) * r.direction,
-               (e.weight * dot(face, across)) * r.direction};
-    }
-    out.c1 = out.c1.plus(unit * (yy * r.image.x - xy * r.image.y), point);
-    out.c2 = out.c2.plus(unit * (xx * r.image.y - xy * r.image.x), point);
-    out.mean = out.mean.plus(quarter, point);
+    out.c1 = out.c1.plus(unit * (yy * row[i].image.x - xy * row[i].image.y), point[i]);
+    out.c2 = out.c2.plus(unit * (xx * row[i].image.y - xy * row[i].image.x), point[i]);
+    out.mean = out.mean.plus(quarter, point[i]);
   }
   return out;
 }

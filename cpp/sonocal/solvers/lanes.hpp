@@ -130,6 +130,10 @@ template <class T>
 SONOCAL_INLINE Vec3<T> operator*(const T& s, const Vec3<T>& a) {
   return {s * a.x, s * a.y, s * a.z};
 }
+template <class M, class T>
+SONOCAL_INLINE Vec3<T> select_vec(const M& mask, const Vec3<T>& yes, const Vec3<T>& no) {
+  return {select(mask, yes.x, no.x), select(mask, yes.y, no.y), select(mask, yes.z, no.z)};
+}
 template <class T>
 SONOCAL_INLINE T dot(const Vec3<T>& a, const Vec3<T>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
@@ -153,14 +157,6 @@ SONOCAL_INLINE void swap_where(const Mask<T>& mask, Vec3<T>& a, Vec3<T>& b) {
   swap_where<T>(mask, a.x, b.x);
   swap_where<T>(mask, a.y, b.y);
   swap_where<T>(mask, a.z, b.z);
-}
-
-// A unit vector perpendicular to a unit vector, without a square root (Duff et al. 2017).
-template <class T>
-SONOCAL_INLINE Vec3<T> any_normal(const Vec3<T>& n) {
-  const T sign = with_sign(broadcast<T>(1.0), n.z);
-  const T a = -1.0 / (sign + n.z);
-  return {1.0 + sign * n.x * n.x * a, sign * n.x * n.y * a, -sign * n.x};
 }
 
 // A similarity of every lane, and in which lanes it is one.

@@ -32,7 +32,9 @@ Eigen::Matrix<double, 3 * kColumns + 4, 1> null_vector(const double* points, con
     row[kSize - 1] = (planes[4 * i + 3] + n.dot(centre)) / size;
     normal.template selfadjointView<Eigen::Lower>().rankUpdate(row);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kSize, kSize>> solver(normal);
+  // Size known at run time only: a fixed one unrolls every reflection and takes minutes to compile.
+  using Bounded = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kSize, kSize>;
+  const Eigen::SelfAdjointEigenSolver<Bounded> solver{Bounded(normal)};
   const auto& values = solver.eigenvalues();
   condition = std::sqrt(std::fmax(0.0, values[1]) / values[kSize - 1]);
   return solver.eigenvectors().col(0);

@@ -25,13 +25,18 @@ Units units_of(const Problem& problem) {
   return units;
 }
 
+// Sizes known at run time only: fixed ones unroll every reflection and take minutes to compile.
+template <int kMost>
+using Bounded = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost>;
+
 // The right singular vectors of all but the first seven singular values.
 template <int kUnknowns>
 Eigen::Matrix<double, kUnknowns, kUnknowns - 7> subspace(
     const Eigen::Matrix<double, kUnknowns, 8>& transposed) {
-  const Eigen::JacobiSVD<Eigen::Matrix<double, kUnknowns, 8>, Eigen::FullPivHouseholderQRPreconditioner> svd(
-      transposed, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU().template rightCols<kUnknowns - 7>();
+  const Bounded<13> rows = transposed;
+  const Eigen::JacobiSVD<Bounded<13>, Eigen::FullPivHouseholderQRPreconditioner> svd(
+      rows, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  return svd.matrixU().rightCols(kUnknowns - 7);
 }
 
 // Gaussian elimination with row pivoting of the first `columns` columns, downwards; rows from `first` on.
@@ -116,11 +121,12 @@ bool finish(const Matrix3d& s, const Vector3d& t, double one, bool planar, const
 template <int kSize, class Use>
 void for_real_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, const Use& use) {
   if (!action.allFinite()) return;
-  const Eigen::EigenSolver<Eigen::Matrix<double, kSize, kSize>> solver(action);
+  const Eigen::EigenSolver<Bounded<8>> solver{Bounded<8>(action)};
   if (solver.info() != Eigen::Success) return;
+  const auto vectors = solver.eigenvectors();
   for (int i = 0; i < kSize; ++i) {
     if (solver.eigenvalues()[i].imag() != 0) continue;
-    const Eigen::Matrix<double, kSize, 1> v = solver.eigenvectors().col(i).real();
+    const Eigen::Matrix<double, kSize, 1> v = vectors.col(i).real();
     use((v / v[kSize - 1]).eval());
   }
 }
