@@ -2,6 +2,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include <array>
+#include <optional>
 #include <tuple>
 
 #include "bind/arrays.hpp"
@@ -18,7 +19,8 @@ using namespace sonocal;
 namespace {
 
 using Array = In<double>;
-using Solved = std::tuple<Out<double>, Out<std::int64_t>>;
+// Matrices, and counts: a number where one problem was given, an array cost a microsecond.
+using Solved = std::tuple<Out<double>, nb::object>;
 
 // What every solver takes: steps 0 solves seven equations exactly, more of them refine on all; scale > 0
 // is known; threads share the batch.
@@ -63,10 +65,18 @@ Solved solve_batch(Leading leading, std::size_t most, const Solve& solve) {
   auto* matrices = new double[leading.size * most * 16];
   auto* counts = new std::int64_t[leading.size];
   {
-    nb::gil_scoped_release unlocked;
+    // One problem is over before the lock could change hands.
+    std::optional<nb::gil_scoped_release> unlocked;
+    if (leading.axes > 0) unlocked.emplace();
     solve(BatchOut{matrices, counts});
   }
-  auto counted = adopt(counts, leading.shape.data(), leading.axes);
+  nb::object counted;
+  if (leading.axes == 0) {
+    counted = nb::int_(counts[0]);
+    delete[] counts;
+  } else {
+    counted = nb::cast(adopt(counts, leading.shape.data(), leading.axes));
+  }
   leading.shape[leading.axes] = most;
   leading.shape[leading.axes + 1] = leading.shape[leading.axes + 2] = 4;
   return {adopt(matrices, leading.shape.data(), leading.axes + 3), std::move(counted)};
@@ -176,8 +186,8 @@ Solved paper_four_points_arrays(Array points, Array segments, int threads) {
 }
 
 // One solution at most, and the condition of every problem.
-std::tuple<Out<double>, Out<std::int64_t>, Out<double>> linear_arrays(Array points, Array planes, bool planar,
-                                                                      int threads) {
+std::tuple<Out<double>, nb::object, Out<double>> linear_arrays(Array points, Array planes, bool planar,
+                                                               int threads) {
   const Leading leading(points, {0, 3});
   leading.must_equal(Leading(planes, {0, 4}));
   const std::size_t rows = points.shape(leading.axes);

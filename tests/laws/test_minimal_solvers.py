@@ -110,7 +110,11 @@ def test_round_rotations_are_found(solver, axis):
         angle = quarter_turns * np.pi / 2
         turn = np.eye(4)
         turn[:3, :3] = np.roll(
-            np.roll([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]], axis, 0), axis, 1
+            np.roll(
+                [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]], axis, 0
+            ),
+            axis,
+            1,
         )
         truth = problem.truth.copy()
         truth[:, :3, :3] = 0.24 * turn[:3, :3]
@@ -153,7 +157,9 @@ def test_batches_of_any_size_are_solved(solver, batch):
     problem = make(solver.planar, batch, seed=11)
     solutions = solver.solve(problem)
     assert solutions.matrices.shape[0] == len(solutions.count) == batch
-    assert np.count_nonzero(misses(problem, solutions) > ROUNDING) <= batch * (1e-3 if "refined" in solver.name else 1e-4)
+    assert np.count_nonzero(misses(problem, solutions) > ROUNDING) <= batch * (
+        1e-3 if "refined" in solver.name else 1e-4
+    )
 
 
 @every_solver

@@ -24,8 +24,25 @@ int four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform,
   return count;
 }
 
+namespace {
+
+// A pack for one problem would solve it several times.
+void solve_one(const double* points, const double* segments, NoRealRoot policy, BatchOut out) {
+  solve_each<4>(0, 1, out, [&](std::size_t, std::array<Transform, 4>& solutions) {
+    std::array<PointOnLine, 4> problem;
+    for (int i = 0; i < 4; ++i) {
+      const Eigen::Map<const Vector3d> a(segments + 6 * i), b(segments + 6 * i + 3);
+      problem[i] = {{points[2 * i], points[2 * i + 1]}, a, (b - a).normalized()};
+    }
+    return four_points(problem, solutions, policy);
+  });
+}
+
+}  // namespace
+
 void four_points_batch(const double* points, const double* segments, std::size_t size, NoRealRoot policy,
                        int threads, BatchOut out) {
+  if (size == 1) return solve_one(points, segments, policy, out);
   in_threads(size, threads, [&](std::size_t begin, std::size_t end) {
     kernels().four_points(points + begin * 8, segments + begin * 24, end - begin,
                           policy == NoRealRoot::kRealPart, {out.matrices + begin * 64, out.counts + begin});

@@ -160,14 +160,19 @@ def refuse_degenerate_rows(points: Array, planes: Array, *, linear: bool = False
     if not np.all(np.isfinite(points)):
         raise InputError("the points must be finite; leave out those that were not seen")
     if not np.all(np.isfinite(planes)):
-        raise InputError("a line or plane is not finite, or a segment has zero length; give two different points")
+        raise InputError(
+            "a line or plane is not finite, or a segment has zero length; give two different points"
+        )
     motions = _free_parts(points, planes[:, :3], planes[:, 3])
     if motions:
         code, motion = next(iter(motions.items()))
-        raise DegenerateGeometryError(f"the correspondences leave {motion} free; add one that holds it", code=code)
+        raise DegenerateGeometryError(
+            f"the correspondences leave {motion} free; add one that holds it", code=code
+        )
     if linear:
         raise DegenerateGeometryError(
-            "the rows do not determine the linear system; add lines in other directions", code="rank-deficient"
+            "the rows do not determine the linear system; add lines in other directions",
+            code="rank-deficient",
         )
 
 

@@ -31,21 +31,33 @@ __all__ = [
 ]
 
 
+# How messages name what a solver takes.
+_PLANE = ("points_px (..., 4, 2)", "segments_mm (..., 4, 2, 3)")
+_LINES = ("image_segments (..., 2, 2, 3)", "needle_segments (..., 2, 2, 3)")
+_ROWS = ("points (..., N, 3)", "planes (..., N, 4), N >= 7")
+_SPACE = ("points (..., 4, 3)", "segments_mm (..., 4, 2, 3)")
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Solutions:
     """The similarities that solve each problem of a batch.
 
     Attributes:
         matrices: (..., K, 4, 4), mm from px, `count` of them first and NaN after; s > 0, det R = +1.
-        count: (...), how many there are; 0 where the problem is degenerate or noise leaves no real one.
+        count: (...), or a number where one problem was given: how many there are; 0 where the problem is degenerate or noise leaves no real one.
     """
 
     matrices: Array
-    count: NDArray[np.int64]
+    count: NDArray[np.int64] | int
 
 
 def four_points(
-    points_px: ArrayLike, segments_mm: ArrayLike, *, steps: int = 0, scale: float | None = None, threads: int = 1
+    points_px: ArrayLike,
+    segments_mm: ArrayLike,
+    *,
+    steps: int = 0,
+    scale: float | None = None,
+    threads: int = 1,
 ) -> Solutions:
     """Similarities that carry four points of a plane onto four lines.
 
@@ -75,10 +87,10 @@ def four_points(
     return _solve(
         _core.four_points,
         (points_px, segments_mm),
-        ("points_px (..., 4, 2)", "segments_mm (..., 4, 2, 3)"),
-        lambda x, l: (np.repeat(_with_zero(x), 2, axis=0), planes_of_lines(l).reshape(8, 4)),
+        _PLANE,
+        _rows_of_plane,
         steps,
-        _known(scale, steps),
+        0.0 if scale is None else _known(scale, steps),
         threads,
     )
 
@@ -119,10 +131,10 @@ def two_lines(
     return _solve(
         _core.two_lines,
         (image_segments, needle_segments),
-        ("image_segments (..., 2, 2, 3)", "needle_segments (..., 2, 2, 3)"),
-        lambda x, l: (np.repeat(x.reshape(4, 3), 2, axis=0), np.repeat(planes_of_lines(l), 2, axis=0).reshape(8, 4)),
+        _LINES,
+        _rows_of_lines,
         steps,
-        _known(scale, steps),
+        0.0 if scale is None else _known(scale, steps),
         threads,
     )
 
@@ -158,10 +170,10 @@ def three_quadrics(
     return _solve(
         _core.three_quadrics,
         (points, planes),
-        ("points (..., N, 3)", "planes (..., N, 4), N >= 7"),
-        lambda x, p: (x, p),
+        _ROWS,
+        _rows_as_given,
         steps,
-        _known(scale, steps),
+        0.0 if scale is None else _known(scale, steps),
         threads,
     )
 
@@ -191,8 +203,8 @@ def paper_two_lines(points: ArrayLike, segments_mm: ArrayLike, *, threads: int =
     return _solve(
         _core.paper_two_lines,
         (points, segments_mm),
-        ("points (..., 4, 3)", "segments_mm (..., 4, 2, 3)"),
-        lambda x, l: (np.repeat(x, 2, axis=0), planes_of_lines(l).reshape(8, 4)),
+        _SPACE,
+        _rows_of_space,
         threads,
     )
 
@@ -217,8 +229,8 @@ def paper_four_points(points_px: ArrayLike, segments_mm: ArrayLike, *, threads: 
     return _solve(
         _core.paper_four_points,
         (points_px, segments_mm),
-        ("points_px (..., 4, 2)", "segments_mm (..., 4, 2, 3)"),
-        lambda x, l: (np.repeat(_with_zero(x), 2, axis=0), planes_of_lines(l).reshape(8, 4)),
+        _PLANE,
+        _rows_of_plane,
         threads,
     )
 
@@ -274,10 +286,14 @@ def _linear(points: ArrayLike, planes: ArrayLike, *, planar: bool, threads: int)
     fewest = 9 if planar else 12
     if x.ndim < 2 or x.shape[-2] < fewest:
         raise InputError(f"the linear solver needs {fewest} rows or more; got points of shape {x.shape}")
-    matrices, count, condition = _call(_core.linear, (x, p), ("points (..., N, 3)", "planes (..., N, 4)"), planar, threads)
+    matrices, count, condition = _call(
+        _core.linear, (x, p), ("points (..., N, 3)", "planes (..., N, 4)"), planar, threads
+    )
     free = ~(condition > SMALLEST_CONDITION)
-    if count.ndim == 0 and free:
-        refuse_degenerate_rows(x, p, linear=True)
+    if free.ndim == 0:
+        if free:
+            refuse_degenerate_rows(x, p, linear=True)
+        return Solutions(matrices, count)
     return Solutions(np.where(free[..., None, None, None], np.nan, matrices), np.where(free, 0, count))
 
 
@@ -294,12 +310,14 @@ def _solve(
     except (TypeError, ValueError):
         arrays = (_array(arrays[0]), _array(arrays[1]))
         matrices, count = _call(core, arrays, names, *options)
-    if count.ndim == 0 and count == 0:
+    if count.__class__ is int and count == 0:
         refuse_degenerate_rows(*rows(_array(arrays[0]), _array(arrays[1])))
     return Solutions(matrices, count)
 
 
-def _call(core: Callable[..., Any], arrays: tuple[Array, Array], names: tuple[str, str], *options: float) -> Any:
+def _call(
+    core: Callable[..., Any], arrays: tuple[Array, Array], names: tuple[str, str], *options: float
+) -> Any:
     try:
         return core(*arrays, *options)
     except ValueError:
@@ -308,9 +326,23 @@ def _call(core: Callable[..., Any], arrays: tuple[Array, Array], names: tuple[st
         ) from None
 
 
-def _known(scale: float | None, steps: int) -> float:
-    if scale is None:
-        return 0.0
+def _rows_of_plane(points: Array, segments: Array) -> tuple[Array, Array]:
+    return _rows_of_space(_with_zero(points), segments)
+
+
+def _rows_of_space(points: Array, segments: Array) -> tuple[Array, Array]:
+    return np.repeat(points, 2, axis=0), planes_of_lines(segments).reshape(8, 4)
+
+
+def _rows_of_lines(image: Array, needles: Array) -> tuple[Array, Array]:
+    return _rows_of_space(image.reshape(4, 3), np.repeat(needles, 2, axis=0))
+
+
+def _rows_as_given(points: Array, planes: Array) -> tuple[Array, Array]:
+    return points, planes
+
+
+def _known(scale: float, steps: int) -> float:
     if not (scale > 0 and np.isfinite(scale)):
         raise InputError(f"a known scale is positive and finite, in mm per px; got {scale}")
     if steps < 1:
