@@ -45,7 +45,9 @@ class Problems:
         planar = np.ptp(self.points[..., 2]) == 0
         points = self.points + random.normal(size=self.points.shape) * ([1, 1, 0] if planar else [1, 1, 1])
         ends = random.normal(size=self.segments.shape)
-        return Problems(points, self.segments + (ends if planar else np.repeat(ends[:, ::2], 2, axis=1)), self.truth)
+        return Problems(
+            points, self.segments + (ends if planar else np.repeat(ends[:, ::2], 2, axis=1)), self.truth
+        )
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,9 @@ class Solver:
     planar: bool
     solve: Callable[[Problems], Callable[[], np.ndarray]]
     most: int = CHECKED  # how many problems it is worth waiting for
-    clocked: Callable[[Problems], Callable[[], object]] | None = None  # the bare call, where `solve` does more
+    clocked: Callable[[Problems], Callable[[], object]] | None = (
+        None  # the bare call, where `solve` does more
+    )
 
 
 def problems(planar: bool, count: int, seed: int) -> Problems:
@@ -68,7 +72,11 @@ def problems(planar: bool, count: int, seed: int) -> Problems:
     truth[:, :3, :3] = SCALE * rotation * np.linalg.det(rotation)[:, None, None]
     truth[:, :3, 3] = random.uniform(-100, 100, (count, 3))
     places = points @ np.swapaxes(truth[:, :3, :3], 1, 2) + truth[:, None, :3, 3]
-    along = random.normal(size=(count, 4, 3)) if planar else np.repeat(places[:, 1::2] - places[:, ::2], 2, axis=1)
+    along = (
+        random.normal(size=(count, 4, 3))
+        if planar
+        else np.repeat(places[:, 1::2] - places[:, ::2], 2, axis=1)
+    )
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     before = random.uniform(0, NEEDLE_MM, (count, 4, 1))
     if not planar:
@@ -93,13 +101,24 @@ def seven_rows(p: Problems) -> tuple[np.ndarray, np.ndarray]:
 def ours() -> list[Solver]:
     return [
         Solver("four_points", True, lambda p: prepared(solvers.four_points, plane(p), p.segments)),
-        Solver("four_points, steps=2", True, lambda p: prepared(solvers.four_points, plane(p), p.segments, steps=2)),
+        Solver(
+            "four_points, steps=2",
+            True,
+            lambda p: prepared(solvers.four_points, plane(p), p.segments, steps=2),
+        ),
         Solver("three_quadrics", True, lambda p: prepared(solvers.three_quadrics, *seven_rows(p))),
-        Solver("paper_four_points", True, lambda p: prepared(solvers.paper_four_points, plane(p), p.segments), 5000),
+        Solver(
+            "paper_four_points",
+            True,
+            lambda p: prepared(solvers.paper_four_points, plane(p), p.segments),
+            5000,
+        ),
         Solver("two_lines", False, lambda p: prepared(solvers.two_lines, *lines(p))),
         Solver("two_lines, steps=2", False, lambda p: prepared(solvers.two_lines, *lines(p), steps=2)),
         Solver("three_quadrics", False, lambda p: prepared(solvers.three_quadrics, *seven_rows(p))),
-        Solver("paper_two_lines", False, lambda p: prepared(solvers.paper_two_lines, p.points, p.segments), 2000),
+        Solver(
+            "paper_two_lines", False, lambda p: prepared(solvers.paper_two_lines, p.points, p.segments), 2000
+        ),
     ]
 
 
@@ -120,7 +139,9 @@ def peers() -> list[Solver]:
                 call = getattr(poselib, name)
                 solve = partial(partial, by_poselib, call)
                 found.append(Solver(f"poselib {name}", planar, solve, TIMED, partial(poselib_alone, call)))
-    found += [Solver("scipy least_squares", planar, lambda p: lambda: by_scipy(p), 200) for planar in (True, False)]
+    found += [
+        Solver("scipy least_squares", planar, lambda p: lambda: by_scipy(p), 200) for planar in (True, False)
+    ]
     return found
 
 
@@ -229,7 +250,9 @@ def regressions(results: dict[str, dict[str, float]], before: dict[str, dict[str
     for name in shared:
         now, then = results[name], before[name]
         if now["ns"] > 1.3 * pace * then["ns"]:
-            said.append(f"{name}: {now['ns']:.0f} ns, was {then['ns']:.0f} ns ({pace:.2f} x the machine's pace then)")
+            said.append(
+                f"{name}: {now['ns']:.0f} ns, was {then['ns']:.0f} ns ({pace:.2f} x the machine's pace then)"
+            )
         if now["success"] < then["success"] - 1e-4:
             said.append(f"{name}: success {100 * now['success']:.3f} %, was {100 * then['success']:.3f} %")
         if now["none"] > then["none"] + 0.005:
