@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "sonocal/solvers/batch.hpp"
 #include "sonocal/transform.hpp"
 
 namespace sonocal {
@@ -11,11 +12,6 @@ struct PointOnLine {
   Vector2d image;      // px
   Vector3d point;      // mm, anywhere on the line
   Vector3d direction;  // unit
-};
-
-enum class NoRealRoot {
-  kNothing,   // complex pairs give no solution: exactly the solutions of the equations
-  kRealPart,  // each complex pair gives its real part: a start for refinement
 };
 
 // Similarities with A x_i on line i, i = 1..4, by 7 of the 8 equations: the fourth point of the
@@ -30,5 +26,9 @@ enum class NoRealRoot {
 // elimination.
 int four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions,
                 NoRealRoot policy = NoRealRoot::kNothing);
+
+// The same for many problems, up to 4 solutions each: points (size, 4, 2) px, segments (size, 4, 2, 3) mm.
+void four_points_batch(const double* points, const double* segments, std::size_t size, NoRealRoot policy,
+                       int threads, BatchOut out);
 
 }  // namespace sonocal

@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "sonocal/solvers/batch.hpp"
 #include "sonocal/transform.hpp"
 
 namespace sonocal {
@@ -21,5 +22,8 @@ struct Line {
 // one of the two gives s > 0. Returns 2, or 0 where two lines are parallel or meet.
 int two_lines(const std::array<Line, 2>& image, const std::array<Line, 2>& needles,
               std::array<Transform, 2>& solutions);
+
+// The same for many problems: both (size, 2, 2, 3), px and mm.
+void two_lines_batch(const double* image, const double* needles, std::size_t size, int threads, BatchOut out);
 
 }  // namespace sonocal

@@ -1,0 +1,83 @@
+// Threads over batches, and the bridge between lanes and Eigen.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <thread>
+#include <vector>
+
+#include "sonocal/solvers/kernels.hpp"
+#include "sonocal/solvers/lanes.hpp"
+#include "sonocal/transform.hpp"
+
+// Compiles a function, with all it calls, for newer x86-64 too, and picks one when the library loads.
+// Sanitizers start after the picking.
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__)
+#define SONOCAL_CLONES __attribute__((target_clones("arch=x86-64-v3", "default"), flatten))
+#else
+#define SONOCAL_CLONES
+#endif
+
+namespace sonocal {
+
+enum class NoRealRoot {
+  kNothing,   // complex pairs give no solution: exactly the solutions of the equations
+  kRealPart,  // each complex pair gives its real part: a start for refinement
+};
+
+inline Vec3<double> load(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+inline void write(const Candidate<double>& c, Transform& out) {
+  for (int k = 0; k < 3; ++k) out.rotation.col(k) << c.column[k].x, c.column[k].y, c.column[k].z;
+  out.translation << c.translation.x, c.translation.y, c.translation.z;
+  out.scales.setConstant(c.scale);
+}
+
+inline void write_row_major(const Transform& a, double* out) {
+  Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> map(out);
+  map = a.matrix();
+}
+
+inline Transform read_row_major(const double* in) {
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(in);
+  Transform a;
+  const double scale = m.topLeftCorner<3, 1>().norm();
+  a.rotation = m.topLeftCorner<3, 3>() / scale;
+  a.scales.setConstant(scale);
+  a.translation = m.topRightCorner<3, 1>();
+  return a;
+}
+
+// One problem after the other, for solvers without lanes: solve(b, solutions) returns the count.
+template <int kMost, class Solve>
+void solve_each(std::size_t begin, std::size_t end, BatchOut out, const Solve& solve) {
+  std::array<Transform, kMost> solutions;
+  for (std::size_t b = begin; b < end; ++b) {
+    const int count = solve(b, solutions);
+    double* m = out.matrices + b * kMost * 16;
+    for (int k = 0; k < count; ++k) write_row_major(solutions[k], m + 16 * k);
+    std::fill(m + 16 * count, m + 16 * kMost, kNoSolution);
+    out.counts[b] = count;
+  }
+}
+
+// Runs solve(begin, end) over 0 .. size in equal parts. Every problem is solved the same way wherever it
+// falls, as parts begin at whole packs.
+template <class Solve>
+void in_threads(std::size_t size, int threads, const Solve& solve) {
+  constexpr std::size_t kBlock = 64;
+  const std::size_t blocks = (size + kBlock - 1) / kBlock;
+  const std::size_t parts = std::min<std::size_t>(std::max(threads, 1), blocks);
+  if (parts <= 1) {
+    if (size > 0) solve(std::size_t{0}, size);
+    return;
+  }
+  std::vector<std::thread> workers;
+  for (std::size_t p = 0; p < parts; ++p)
+    workers.emplace_back([&solve, begin = p * blocks / parts * kBlock,
+                          end = std::min(size, (p + 1) * blocks / parts * kBlock)] { solve(begin, end); });
+  for (auto& worker : workers) worker.join();
+}
+
+}  // namespace sonocal

@@ -1,0 +1,126 @@
+#include "sonocal/solvers/gauss_newton.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+
+namespace sonocal {
+namespace {
+
+using Matrix7d = Eigen::Matrix<double, 7, 7>;
+using Vector7d = Eigen::Matrix<double, 7, 1>;
+
+// The tangent turns and grows the image about its centre, which `centre` is carried to.
+struct Linearised {
+  Matrix7d matrix = Matrix7d::Zero();
+  Vector7d right = Vector7d::Zero();
+};
+
+Linearised linearise(const PointOnPlane* rows, int count, const Vector3d& image_centre, double unit,
+                     const Transform& a) {
+  Linearised out;
+  const Vector3d centre = a.apply(image_centre);
+  for (int i = 0; i < count; ++i) {
+    const Vector3d arm = a.scales[0] * (a.rotation * (rows[i].point - image_centre));
+    const Vector3d& n = rows[i].normal;
+    Vector7d row;
+    row << arm.cross(n) * unit, n, n.dot(arm) * unit;
+    const double residual = n.dot(arm + centre) + rows[i].offset;
+    out.matrix.noalias() += row * row.transpose();
+    out.right.noalias() -= row * residual;
+  }
+  return out;
+}
+
+Transform retract(const Transform& a, const Vector7d& step, double unit, const Vector3d& image_centre) {
+  Transform out = a;
+  const Vector3d turn = step.head<3>() * unit;
+  const double angle = turn.norm();
+  if (angle > 0) out.rotation = Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() * a.rotation;
+  out.scales *= std::exp(step[6] * unit);
+  out.translation = a.apply(image_centre) + step.segment<3>(3) - out.linear() * image_centre;
+  return out;
+}
+
+// Products of rotations drift; the nearest unit quaternion does not.
+void orthonormalise(Transform& a) {
+  a.rotation = Eigen::Quaterniond(a.rotation).normalized().toRotationMatrix();
+}
+
+}  // namespace
+
+double squared_residuals(const PointOnPlane* rows, int count, const Transform& a) {
+  double sum = 0;
+  const Matrix3d s = a.linear();
+  for (int i = 0; i < count; ++i) {
+    const double r = rows[i].normal.dot(s * rows[i].point + a.translation) + rows[i].offset;
+    sum += r * r;
+  }
+  return sum;
+}
+
+double gauss_newton(const PointOnPlane* rows, int count, int steps, double fixed_scale, Transform& a) {
+  Vector3d image_centre = Vector3d::Zero();
+  for (int i = 0; i < count; ++i) image_centre += rows[i].point / count;
+  double spread = 0;
+  for (int i = 0; i < count; ++i) spread += (rows[i].point - image_centre).squaredNorm() / count;
+  if (fixed_scale > 0) {
+    const Vector3d centre = a.apply(image_centre);
+    a.scales.setConstant(fixed_scale);
+    a.translation = centre - a.linear() * image_centre;
+  }
+  double cost = squared_residuals(rows, count, a);
+  double damping = 1e-12;
+  for (int step = 0; step < steps; ++step) {
+    // Turns and growth in units that move a typical point by one.
+    const double unit = 1.0 / (a.scales[0] * std::sqrt(spread));
+    const Linearised equations = linearise(rows, count, image_centre, unit, a);
+    bool better = false;
+    for (int trial = 0; trial < 4 && !better; ++trial) {
+      Linearised damped = equations;
+      damped.matrix.diagonal().array() += damping * equations.matrix.trace();
+      if (fixed_scale > 0) {
+        damped.matrix.row(6).setZero();
+        damped.matrix.col(6).setZero();
+        damped.matrix(6, 6) = 1;
+        damped.right[6] = 0;
+      }
+      const Transform next = retract(a, damped.matrix.ldlt().solve(damped.right), unit, image_centre);
+      const double next_cost = squared_residuals(rows, count, next);
+      better = next_cost < cost;
+      if (better) {
+        a = next;
+        cost = next_cost;
+        damping = std::max(1e-12, damping * 1e-2);
+      } else {
+        damping = std::max(1e-3, damping * 10);
+      }
+    }
+    if (!better) break;
+  }
+  orthonormalise(a);
+  return cost;
+}
+
+int refine_candidates(const PointOnPlane* rows, int count, int steps, double fixed_scale,
+                      Transform* candidates, int candidate_count) {
+  std::array<std::pair<double, Transform>, 16> refined;
+  int kept = 0;
+  for (int i = 0; i < candidate_count; ++i) {
+    Transform& a = candidates[i];
+    const double cost = gauss_newton(rows, count, steps, fixed_scale, a);
+    if (!std::isfinite(cost) || !std::isfinite(a.translation.sum()) || !(a.scales[0] > 0)) continue;
+    const auto same = [&](const auto& other) {
+      return (other.second.rotation - a.rotation).squaredNorm() < 1e-14 &&
+             std::fabs(other.second.scales[0] - a.scales[0]) < 1e-7 * a.scales[0];
+    };
+    if (std::none_of(refined.begin(), refined.begin() + kept, same)) refined[kept++] = {cost, a};
+  }
+  std::sort(refined.begin(), refined.begin() + kept,
+            [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (int i = 0; i < kept; ++i) candidates[i] = refined[i].second;
+  return kept;
+}
+
+}  // namespace sonocal

@@ -1,0 +1,18 @@
+// Compiled once for each kind of machine, with SONOCAL_KERNELS the name of the table to fill.
+#include "sonocal/solvers/kernels.hpp"
+
+#include "sonocal/solvers/four_points_lanes.hpp"
+#include "sonocal/solvers/two_lines_lanes.hpp"
+
+namespace sonocal {
+
+extern const Kernels SONOCAL_KERNELS;
+const Kernels SONOCAL_KERNELS{
+    [](const double* points, const double* segments, std::size_t size, bool real_parts, BatchOut out) {
+      four_points_range(points, segments, size, real_parts, out);
+    },
+    [](const double* image, const double* needles, std::size_t size, BatchOut out) {
+      two_lines_range(image, needles, size, out);
+    }};
+
+}  // namespace sonocal

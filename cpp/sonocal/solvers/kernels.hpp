@@ -1,0 +1,28 @@
+// Closed-form solvers over ranges of a batch, compiled for several generations of processors.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+namespace sonocal {
+
+constexpr double kNoSolution = std::numeric_limits<double>::quiet_NaN();
+
+// Solutions of problem b: matrices[b * most ...], 4 x 4 row-major, kNoSolution after the last; counts[b].
+struct BatchOut {
+  double* matrices;
+  std::int64_t* counts;
+};
+
+// Each takes the number of problems of its range and pointers to the first.
+struct Kernels {
+  void (*four_points)(const double* points, const double* segments, std::size_t size, bool real_parts,
+                      BatchOut out);
+  void (*two_lines)(const double* image, const double* needles, std::size_t size, BatchOut out);
+};
+
+// Those for this machine.
+const Kernels& kernels();
+
+}  // namespace sonocal

@@ -1,0 +1,227 @@
+#include "sonocal/solvers/paper.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
+#include <cmath>
+
+#include "sonocal/solvers/linear.hpp"
+
+namespace sonocal {
+namespace {
+
+// Lengths of order one on both sides. The paper says nothing of units; without this its SVD compares
+// squared pixels with millimetres. Nothing is centred: see paper_two_lines's note in docs/theory.md.
+struct Units {
+  double image = 0, space = 0;
+};
+
+template <class Problem>
+Units units_of(const Problem& problem) {
+  Units units;
+  for (const auto& o : problem) {
+    units.image = std::fmax(units.image, o.image.norm());
+    units.space = std::fmax(units.space, o.point.norm());
+  }
+  return units;
+}
+
+// Sizes known at run time only: fixed ones unroll every reflection and take minutes to compile.
+template <int kMost>
+using Bounded = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost>;
+
+// The right singular vectors of all but the first seven singular values.
+template <int kUnknowns>
+Eigen::Matrix<double, kUnknowns, kUnknowns - 7> subspace(
+    const Eigen::Matrix<double, kUnknowns, 8>& transposed) {
+  const Bounded<13> rows = transposed;
+  const Eigen::JacobiSVD<Bounded<13>, Eigen::FullPivHouseholderQRPreconditioner> svd(
+      rows, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  return svd.matrixU().rightCols(kUnknowns - 7);
+}
+
+// Gaussian elimination with row pivoting of the first `columns` columns, downwards; rows from `first` on.
+template <class M>
+void eliminate(M& m, int columns) {
+  for (int c = 0; c < columns; ++c) {
+    int pivot;
+    m.col(c).tail(m.rows() - c).cwiseAbs().maxCoeff(&pivot);
+    m.row(c).swap(m.row(c + pivot));
+    for (int r = c + 1; r < m.rows(); ++r) {
+      const double factor = m(r, c) / m(c, c);
+      if (factor != 0) m.row(r).tail(m.cols() - c) -= factor * m.row(c).tail(m.cols() - c);
+    }
+  }
+}
+
+// -C^-1 B of a system (C B) that the last rows of an eliminated matrix hold.
+template <int kC, int kB, class M>
+Eigen::Matrix<double, kC, kB> back_substitute(const M& m, int first) {
+  const auto c = m.template block<kC, kC>(first, first);
+  const auto b = m.template block<kC, kB>(first, first + kC);
+  return -c.template triangularView<Eigen::Upper>().solve(b);
+}
+
+template <int kSize>
+struct Quadric {  // upper triangle of a symmetric form
+  double at[kSize][kSize];
+};
+
+// x^T y, with x and y entries of A that are linear in the unknowns.
+template <int kSize>
+Quadric<kSize> dot(const Eigen::Matrix<double, 3, kSize>& x, const Eigen::Matrix<double, 3, kSize>& y) {
+  const Eigen::Matrix<double, kSize, kSize> m = x.transpose() * y;
+  Quadric<kSize> out{};
+  for (int i = 0; i < kSize; ++i)
+    for (int j = i; j < kSize; ++j) out.at[i][j] = i == j ? m(i, i) : m(i, j) + m(j, i);
+  return out;
+}
+template <int kSize>
+Quadric<kSize> operator-(Quadric<kSize> a, const Quadric<kSize>& b) {
+  for (int i = 0; i < kSize; ++i)
+    for (int j = i; j < kSize; ++j) a.at[i][j] -= b.at[i][j];
+  return a;
+}
+
+// The 55 monomials of a, b, c, d, e up to the third degree without e^3, as sorted triples of factors with 5
+// for the factor 1: 42 to eliminate, then eq. (15), then eq. (16).
+struct Monomials {
+  int column[6][6][6];
+
+  Monomials() {
+    constexpr int kA = 0, kB = 1, kC = 2, kD = 3, kE = 4, kOne = 5;
+    const int last[13][3] = {{kB, kB, kB},      {kA, kB, kB},     {kB, kE, kOne},   {kB, kD, kOne},
+                             {kB, kC, kOne},    {kB, kB, kOne},   {kA, kB, kOne},   {kE, kOne, kOne},
+                             {kD, kOne, kOne},  {kC, kOne, kOne}, {kB, kOne, kOne}, {kA, kOne, kOne},
+                             {kOne, kOne, kOne}};
+    for (auto& plane : column)
+      for (auto& row : plane)
+        for (int& c : row) c = -1;
+    for (int i = 0; i < 13; ++i) set(last[i][0], last[i][1], last[i][2], 42 + i);
+    int next = 0;
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j)
+        for (int k = j; k < 6; ++k)
+          if (column[i][j][k] < 0 && !(i == kE && k == kE)) set(i, j, k, next++);
+  }
+  void set(int i, int j, int k, int c) {
+    column[i][j][k] = column[i][k][j] = column[j][i][k] = column[j][k][i] = column[k][i][j] =
+        column[k][j][i] = c;
+  }
+};
+
+bool finish(const Matrix3d& s, const Vector3d& t, double one, bool planar, const Units& units,
+            Transform& out) {
+  if (!project_to_similarity(s / one, planar, out)) return false;
+  out.scales *= units.space / units.image;
+  out.translation = t * (units.space / one);
+  return out.scales[0] > 0 && std::isfinite(out.translation.sum());
+}
+
+// Real eigenvectors of an action matrix, scaled to end in 1.
+template <int kSize, class Use>
+void for_real_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, const Use& use) {
+  if (!action.allFinite()) return;
+  const Eigen::EigenSolver<Bounded<8>> solver{Bounded<8>(action)};
+  if (solver.info() != Eigen::Success) return;
+  const auto vectors = solver.eigenvectors();
+  for (int i = 0; i < kSize; ++i) {
+    if (solver.eigenvalues()[i].imag() != 0) continue;
+    const Eigen::Matrix<double, kSize, 1> v = vectors.col(i).real();
+    use((v / v[kSize - 1]).eval());
+  }
+}
+
+}  // namespace
+
+int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<Transform, 8>& solutions) {
+  static const Monomials monomials;
+  const Units units = units_of(problem);
+  Eigen::Matrix<double, 13, 8> rows;
+  for (int i = 0; i < 4; ++i) {
+    const Vector3d x = problem[i].image / units.image, p = problem[i].point / units.space;
+    Vector3d n[2];
+    perpendicular_basis(problem[i].direction, n[0], n[1]);
+    for (int k = 0; k < 2; ++k)
+      rows.col(2 * i + k) << x[0] * n[k], x[1] * n[k], x[2] * n[k], n[k], -n[k].dot(p);
+  }
+  if (!rows.allFinite()) return 0;
+  const Eigen::Matrix<double, 13, 6> basis = subspace<13>(rows);
+
+  Eigen::Matrix<double, 3, 6> c[3], r[3];
+  for (int i = 0; i < 3; ++i) {
+    c[i] = basis.middleRows<3>(3 * i);
+    for (int j = 0; j < 3; ++j) r[i].row(j) = basis.row(3 * j + i);
+  }
+  const Quadric<6> quadrics[10] = {dot<6>(c[0], c[0]) - dot<6>(c[1], c[1]),
+                                   dot<6>(c[0], c[0]) - dot<6>(c[2], c[2]),
+                                   dot<6>(c[0], c[1]),
+                                   dot<6>(c[0], c[2]),
+                                   dot<6>(c[1], c[2]),
+                                   dot<6>(r[0], r[0]) - dot<6>(r[1], r[1]),
+                                   dot<6>(r[0], r[0]) - dot<6>(r[2], r[2]),
+                                   dot<6>(r[0], r[1]),
+                                   dot<6>(r[0], r[2]),
+                                   dot<6>(r[1], r[2])};
+  Eigen::Matrix<double, 50, 55, Eigen::RowMajor> m;
+  m.setZero();
+  constexpr int kFactors[5] = {5, 0, 1, 2, 3};
+  for (int q = 0; q < 10; ++q)
+    for (int f = 0; f < 5; ++f)
+      for (int i = 0; i < 6; ++i)
+        for (int j = i; j < 6; ++j) m(5 * q + f, monomials.column[i][j][kFactors[f]]) = quadrics[q].at[i][j];
+  eliminate(m, 47);
+  Eigen::Matrix<double, 8, 8> action = Eigen::Matrix<double, 8, 8>::Zero();
+  action.topRows<5>() = back_substitute<5, 8>(m, 42);
+  action(5, 0) = action(6, 1) = action(7, 5) = 1;  // b b = b^2, b a = ab, b 1 = b
+  // Rows in the order of (16): b^2, ab, e, d, c are the first five, then b, a, 1.
+  int count = 0;
+  for_real_eigenvectors<8>(action, [&](const Eigen::Matrix<double, 8, 1>& v) {
+    Eigen::Matrix<double, 6, 1> unknowns;
+    unknowns << v[6], v[5], v[4], v[3], v[2], 1;
+    const Eigen::Matrix<double, 13, 1> a = basis * unknowns;
+    const Matrix3d s = Eigen::Map<const Matrix3d>(a.data());
+    if (finish(s, a.segment<3>(9), a[12], false, units, solutions[count])) ++count;
+  });
+  return count;
+}
+
+int paper_four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions) {
+  const Units units = units_of(problem);
+  Eigen::Matrix<double, 10, 8> rows;
+  for (int i = 0; i < 4; ++i) {
+    const Vector2d x = problem[i].image / units.image;
+    const Vector3d p = problem[i].point / units.space;
+    Vector3d n[2];
+    perpendicular_basis(problem[i].direction, n[0], n[1]);
+    for (int k = 0; k < 2; ++k) rows.col(2 * i + k) << x[0] * n[k], x[1] * n[k], n[k], -n[k].dot(p);
+  }
+  if (!rows.allFinite()) return 0;
+  const Eigen::Matrix<double, 10, 3> basis = subspace<10>(rows);
+  const Eigen::Matrix<double, 3, 3> c1 = basis.topRows<3>(), c2 = basis.middleRows<3>(3);
+  const Quadric<3> quadrics[2] = {dot<3>(c1, c1) - dot<3>(c2, c2), dot<3>(c1, c2)};
+  // a^3 a^2b b^3 a^2 | ab^2 b^2 | ab b a 1, for products of a, b, 1 by the number of a's and b's in them.
+  constexpr int kColumn[4][4] = {{9, 7, 5, 2}, {8, 6, 4, -1}, {3, 1, -1, -1}, {0, -1, -1, -1}};
+  Eigen::Matrix<double, 6, 10> m = Eigen::Matrix<double, 6, 10>::Zero();
+  for (int q = 0; q < 2; ++q)
+    for (int f = 0; f < 3; ++f)
+      for (int i = 0; i < 3; ++i)
+        for (int j = i; j < 3; ++j) {
+          const int as = (i == 0) + (j == 0) + (f == 0), bs = (i == 1) + (j == 1) + (f == 1);
+          m(3 * q + f, kColumn[as][bs]) += quadrics[q].at[i][j];
+        }
+  eliminate(m, 6);
+  Matrix4d action = Matrix4d::Zero();
+  action.topRows<2>() = back_substitute<2, 4>(m, 4);
+  action(2, 0) = action(3, 1) = 1;  // b a = ab, b 1 = b
+  int count = 0;
+  for_real_eigenvectors<4>(action, [&](const Eigen::Vector4d& v) {
+    const Eigen::Matrix<double, 10, 1> a = basis * Vector3d(v[2], v[1], 1);
+    Matrix3d s = Matrix3d::Zero();
+    s.col(0) = a.segment<3>(0);
+    s.col(1) = a.segment<3>(3);
+    if (finish(s, a.segment<3>(6), a[9], true, units, solutions[count])) ++count;
+  });
+  return count;
+}
+
+}  // namespace sonocal

@@ -1,0 +1,39 @@
+// Any seven independent point-plane rows: the general minimal problem.
+#pragma once
+
+#include <array>
+
+#include "sonocal/solvers/batch.hpp"
+#include "sonocal/transform.hpp"
+
+namespace sonocal {
+
+// normal . (A point) + offset = 0
+struct PointOnPlane {
+  Vector3d point;
+  Vector3d normal;
+  double offset;
+};
+
+inline PointOnPlane read_row(const double* points, const double* planes, std::size_t i) {
+  const double *x = points + 3 * i, *p = planes + 4 * i;
+  return {{x[0], x[1], x[2]}, {p[0], p[1], p[2]}, p[3]};
+}
+
+// Similarities that bring seven points into their planes, Pi_i^T A X_i = 0 (paper eq. 4-7). The
+// translation and the homogeneous 1 leave four of the seven equations; the other three are linear in S,
+// and with S = s R(q), q a quaternion of any length, three quadrics in q (Kukelova et al. 2016): a
+// polynomial of degree 8.
+//
+// With kRealPart, places where the polynomial comes nearest to zero without a root follow the solutions.
+//
+// Returns the number of solutions written; 0 where the rows leave a motion free.
+int three_quadrics(const std::array<PointOnPlane, 7>& problem, std::array<Transform, 8>& solutions,
+                   NoRealRoot policy = NoRealRoot::kNothing);
+
+// The same for many problems of `rows` >= 7 rows, the first seven of which are used: points
+// (size, rows, 3), planes (size, rows, 4) as (normal, offset).
+void three_quadrics_batch(const double* points, const double* planes, std::size_t size, int rows,
+                          NoRealRoot policy, int threads, BatchOut out);
+
+}  // namespace sonocal

@@ -1,0 +1,250 @@
+"""Correspondences of points, lines and planes as point-plane rows.
+
+Every correspondence holds some points of the source to some planes of the target, n . (A x) + d = 0; a
+list of such rows is what all solvers take.
+
+Source: paper section 5.1; Ramalingam and Taguchi 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sonocal.errors import DegenerateGeometryError, InputError
+from sonocal.geometry import Array, Similarity
+
+__all__ = [
+    "FreeMotion",
+    "Rows",
+    "line_line",
+    "line_plane",
+    "plane_plane",
+    "planes_of_lines",
+    "point_line",
+    "point_plane",
+    "point_point",
+    "rank",
+    "refuse_degenerate_rows",
+    "rows",
+]
+
+# Singular values below this part of the largest, in coordinates of order one, count as zero.
+RANK_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Points to bring into planes.
+
+    Attributes:
+        points: (N, 3), source coordinates (px).
+        planes: (N, 4), target coordinates (mm): (n, d), |n| = 1, n . x + d = 0.
+    """
+
+    points: Array
+    planes: Array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotion:
+    """How many of the seven motions rows determine, and which they leave.
+
+    Attributes:
+        rank: 0 to 7; 7 is a similarity, up to finitely many.
+        motions: one sentence part a free motion, such as "translation along (0, 0, 1)".
+    """
+
+    rank: int
+    motions: tuple[str, ...]
+
+
+def point_plane(points: ArrayLike, planes: ArrayLike) -> Rows:
+    """Points (N, 3) in planes (N, 4): one row each."""
+    return _rows(_last(points, 3, "points"), _unit_planes(planes))
+
+
+def point_line(points: ArrayLike, segments: ArrayLike) -> Rows:
+    """Points (N, 3) on lines through segments (N, 2, 3): two rows each, of perpendicular planes."""
+    return _rows(np.repeat(_last(points, 3, "points"), 2, axis=0), planes_of_lines(segments).reshape(-1, 4))
+
+
+def point_point(source: ArrayLike, target: ArrayLike) -> Rows:
+    """Points (N, 3) at points (N, 3): three rows each, of planes parallel to the axes."""
+    x, y = _last(source, 3, "points"), _last(target, 3, "target points")
+    normals = np.broadcast_to(np.eye(3), (len(y), 3, 3))
+    planes = np.concatenate([normals, -y[:, :, None]], axis=-1)
+    return _rows(np.repeat(x, 3, axis=0), planes.reshape(-1, 4))
+
+
+def line_line(source_segments: ArrayLike, target_segments: ArrayLike) -> Rows:
+    """Lines (N, 2, 3) on lines (N, 2, 3): both source points on the target line, four rows each (eq. 6-9)."""
+    ends = _segments(source_segments)
+    return point_line(ends.reshape(-1, 3), np.repeat(_segments(target_segments), 2, axis=0))
+
+
+def line_plane(segments: ArrayLike, planes: ArrayLike) -> Rows:
+    """Lines (N, 2, 3) in planes (N, 4): two rows each."""
+    return point_plane(_segments(segments).reshape(-1, 3), np.repeat(_last(planes, 4, "planes"), 2, axis=0))
+
+
+def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float = 1.0) -> Rows:
+    """Planes (N, 4) on planes (N, 4): three points of the source plane, three rows each.
+
+    Args:
+        source_planes: (N, 4).
+        target_planes: (N, 4).
+        size: how far apart the three points lie, px; of the data's size, as it weighs the directions.
+    """
+    source = _unit_planes(source_planes)
+    normals = source[:, :3]
+    axes = _normals(normals)
+    foot = -source[:, 3:] * normals
+    points = np.stack([foot, foot + size * axes[:, 0], foot + size * axes[:, 1]], axis=1)
+    return point_plane(points.reshape(-1, 3), np.repeat(_last(target_planes, 4, "planes"), 3, axis=0))
+
+
+def rows(*parts: Rows) -> Rows:
+    """All rows of several kinds of correspondence."""
+    return Rows(np.concatenate([p.points for p in parts]), np.concatenate([p.planes for p in parts]))
+
+
+def planes_of_lines(segments: ArrayLike) -> Array:
+    """Two perpendicular planes (..., 2, 4) that meet in the line of each segment (..., 2, 3).
+
+    They need no origin, so a line through it is no special case; the paper's own choice (section 9) is.
+    """
+    ends = _segments(segments)
+    along = ends[..., 1, :] - ends[..., 0, :]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normals = _normals(along / np.linalg.norm(along, axis=-1, keepdims=True))
+    offsets = -np.einsum("...ij,...j->...i", normals, ends[..., 0, :])
+    return np.concatenate([normals, offsets[..., None]], axis=-1)
+
+
+def rank(constraints: Rows, similarity: Similarity | None = None) -> FreeMotion:
+    """How many motions the rows determine near a solution, and which stay free.
+
+    Args:
+        constraints: the rows.
+        similarity: a solution, about which the rows are linearised. Without one only motions are found
+            that are free whatever the solution: translation, growth about a point, turns about an axis.
+
+    Returns:
+        The rank and the free motions' descriptions.
+    """
+    x, n, d = constraints.points, constraints.planes[:, :3], constraints.planes[:, 3]
+    if similarity is None:
+        return _rank_of_parts(x, n, d)
+    arms = similarity.scale * (x - x.mean(axis=0)) @ similarity.rotation.T
+    arms = arms / max(np.linalg.norm(arms, axis=1).max(initial=0.0), 1e-300)
+    jacobian = np.column_stack([np.cross(arms, n), n, np.einsum("ij,ij->i", arms, n)])
+    _, values, right = np.linalg.svd(jacobian, full_matrices=True)
+    values = np.pad(values, (0, 7 - len(values)))[:7]
+    free = right[values <= RANK_TOLERANCE * values[0]]
+    return FreeMotion(7 - len(free), tuple(_describe(v) for v in free))
+
+
+def refuse_degenerate_rows(points: Array, planes: Array, *, linear: bool = False) -> None:
+    """Raise if rows leave a motion free whatever the solution; return if they only have no real solution.
+
+    Raises:
+        InputError: a value is not finite.
+        DegenerateGeometryError: the sentence names the motion.
+    """
+    if not np.all(np.isfinite(points)):
+        raise InputError("the points must be finite; leave out those that were not seen")
+    if not np.all(np.isfinite(planes)):
+        raise InputError(
+            "a line or plane is not finite, or a segment has zero length; give two different points"
+        )
+    motions = _free_parts(points, planes[:, :3], planes[:, 3])
+    if motions:
+        code, motion = next(iter(motions.items()))
+        raise DegenerateGeometryError(
+            f"the correspondences leave {motion} free; add one that holds it", code=code
+        )
+    if linear:
+        raise DegenerateGeometryError(
+            "the rows do not determine the linear system; add lines in other directions",
+            code="rank-deficient",
+        )
+
+
+def _rank_of_parts(x: Array, n: Array, d: Array) -> FreeMotion:
+    motions = tuple(_free_parts(x, n, d).values())
+    return FreeMotion(min(7 - len(motions), len(x)), motions)
+
+
+def _free_parts(x: Array, n: Array, d: Array) -> dict[str, str]:
+    motions = {}
+    _, values, right = np.linalg.svd(n, full_matrices=True)
+    values = np.pad(values, (0, 3))[:3]
+    if values[2] <= RANK_TOLERANCE * values[0]:
+        motions["parallel-lines"] = f"translation along {_text(right[2])}"
+    else:
+        meeting = np.linalg.lstsq(n, -d, rcond=None)[0]
+        size = np.abs(d).max() + np.linalg.norm(meeting)
+        if np.abs(n @ meeting + d).max() <= RANK_TOLERANCE * size:
+            motions["lines-through-one-point"] = (
+                f"growth about the point {_text(np.asarray(meeting, dtype=float))}"
+            )
+    _, spread, axes = np.linalg.svd(x - x.mean(axis=0), full_matrices=True)
+    if spread[1] <= RANK_TOLERANCE * spread[0]:
+        motions["points-on-one-line"] = f"rotation about the points' line along {_text(axes[0])} in the image"
+    return motions
+
+
+def _describe(motion: Array) -> str:
+    parts = {"rotation about": motion[:3], "translation along": motion[3:6], "growth": motion[6:]}
+    named = [
+        name if name == "growth" else f"{name} {_text(part / np.linalg.norm(part))}"
+        for name, part in parts.items()
+        if np.linalg.norm(part) > 1e-3
+    ]
+    return " with ".join(named)
+
+
+def _text(vector: Array) -> str:
+    return "(" + ", ".join(f"{c:.3g}" for c in vector + 0.0) + ")"
+
+
+def _rows(points: Array, planes: Array) -> Rows:
+    if len(points) != len(planes):
+        raise InputError(f"sources and targets must pair up; got {len(points)} and {len(planes)} rows")
+    return Rows(np.ascontiguousarray(points), np.ascontiguousarray(planes))
+
+
+def _last(values: ArrayLike, size: int, what: str) -> Array:
+    array = np.asarray(values, dtype=float)
+    if array.ndim != 2 or array.shape[1] != size:
+        raise InputError(f"{what} must have shape (N, {size}); got {array.shape}")
+    return array
+
+
+def _segments(values: ArrayLike) -> Array:
+    array = np.asarray(values, dtype=float)
+    if array.shape[-2:] != (2, 3):
+        raise InputError(f"segments must have shape (..., 2, 3), two points on each line; got {array.shape}")
+    return array
+
+
+def _unit_planes(values: ArrayLike) -> Array:
+    planes = _last(values, 4, "planes")
+    lengths = np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    if not np.all(lengths > 0):
+        raise InputError("a plane needs a normal of non-zero length")
+    return np.asarray(planes / lengths)
+
+
+def _normals(directions: Array) -> Array:
+    """Two unit vectors (..., 2, 3) perpendicular to unit directions (..., 3) and to each other."""
+    least = np.abs(directions).argmin(axis=-1)
+    first = np.cross(directions, np.eye(3)[least])
+    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=-2)
