@@ -1,0 +1,1 @@
+"""Recordings: images and the poses of tracked tools."""
