@@ -54,7 +54,9 @@ def read_text(path: Path, what: str, limit: int = TEXT_LIMIT) -> str:
     """
     size = file_size(path)
     if size > limit:
-        raise InputError(f"{path.name}: holds {size} bytes, more than the {limit} of {what}; is it the right file?")
+        raise InputError(
+            f"{path.name}: holds {size} bytes, more than the {limit} of {what}; is it the right file?"
+        )
     try:
         text = read_at(path, 0, size).decode("utf-8-sig")
     except UnicodeDecodeError as error:

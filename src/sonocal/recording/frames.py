@@ -94,7 +94,9 @@ class ArrayFrames(Frames):
 class RawFrames(Frames):
     """Frames stored one after the other in a file, without compression."""
 
-    def __init__(self, path: Path, offset: int, count: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    def __init__(
+        self, path: Path, offset: int, count: int, shape: tuple[int, ...], dtype: np.dtype[Any]
+    ) -> None:
         self._path, self._offset, self._count = path, offset, count
         self.shape, self.dtype = shape, dtype.newbyteorder("=")
         self._stored = dtype

@@ -152,7 +152,9 @@ class InflatedFrames(Frames):
                 "correct the header's size"
             )
         if not cursor.inflater.eof:
-            raise FormatError(f"{self._path.name}: its compressed pixels lack their end; copy or record it again")
+            raise FormatError(
+                f"{self._path.name}: its compressed pixels lack their end; copy or record it again"
+            )
 
     def _check_expansion(self) -> None:
         wanted, there = self._count * self.frame_bytes, self._end - self._start

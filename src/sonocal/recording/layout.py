@@ -43,11 +43,15 @@ class Layout:
 
     def __post_init__(self) -> None:
         if not 1 <= self.channels <= 16:
-            raise FormatError(f"{self.name}: {self.channels} channels a pixel; images have 1, or 3 for colour")
+            raise FormatError(
+                f"{self.name}: {self.channels} channels a pixel; images have 1, or 3 for colour"
+            )
         if self.count == 0:
             raise InputError(f"{self.name}: has zero frames; record it again")
         if self.count > COUNT_LIMIT:
-            raise FormatError(f"{self.name}: states {self.count} frames, more than any recording; is it damaged?")
+            raise FormatError(
+                f"{self.name}: states {self.count} frames, more than any recording; is it damaged?"
+            )
 
     @property
     def image_free(self) -> bool:
@@ -68,7 +72,9 @@ class Layout:
 def check_sizes(name: str, sizes: tuple[int, ...]) -> None:
     """Refuse negative sizes."""
     if any(n < 0 for n in sizes):
-        raise FormatError(f"{name}: its size {' '.join(map(str, sizes))} has a negative number; is it damaged?")
+        raise FormatError(
+            f"{name}: its size {' '.join(map(str, sizes))} has a negative number; is it damaged?"
+        )
 
 
 def assemble(
@@ -110,7 +116,9 @@ def assemble(
 def _geometry(layout: Layout, orientation: Orientation, sequence: bool) -> ImageGeometry:
     size = tuple(int(n) for n in orientation.reorder(layout.size))
     spacing = layout.spacing
-    if spacing is not None and ((sequence and set(spacing) == {1.0}) or not all(0 < s < np.inf for s in spacing)):
+    if spacing is not None and (
+        (sequence and set(spacing) == {1.0}) or not all(0 < s < np.inf for s in spacing)
+    ):
         spacing = None  # PLUS's "not known", or nonsense
     return ImageGeometry(
         size_px=size,

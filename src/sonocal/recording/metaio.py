@@ -122,7 +122,9 @@ def _read_header(path: Path) -> _Header:
                 return _Header(path.name, fields, items, file.tell())
     if not fields:
         raise FormatError(f"{path.name}: is empty; a MetaIO file starts with a header")
-    raise FormatError(f"{path.name}: its header ends without ElementDataFile; it was cut short, copy it again")
+    raise FormatError(
+        f"{path.name}: its header ends without ElementDataFile; it was cut short, copy it again"
+    )
 
 
 def _key_and_value(name: str, number: int, line: bytes) -> tuple[str, str]:
@@ -137,13 +139,17 @@ def _key_and_value(name: str, number: int, line: bytes) -> tuple[str, str]:
     if not equals and not key:
         return "", ""
     if not equals or not KEY.fullmatch(key):
-        raise FormatError(f"{name}, line {number}: {text.strip()[:60]!r} is not 'name = value' of a MetaIO header")
+        raise FormatError(
+            f"{name}, line {number}: {text.strip()[:60]!r} is not 'name = value' of a MetaIO header"
+        )
     return key, value.strip()
 
 
 def _layout(header: _Header) -> Layout:
     if header.fields.get("ObjectType", "Image") != "Image":
-        raise UnsupportedError(f"{header.name}: holds a MetaIO {header.fields['ObjectType'][:40]}, not an image")
+        raise UnsupportedError(
+            f"{header.name}: holds a MetaIO {header.fields['ObjectType'][:40]}, not an image"
+        )
     sizes, (dimensions, *_) = header.whole("DimSize"), (*header.whole("NDims"), 0)
     if len(sizes) != dimensions or dimensions not in (2, 3, 4):
         raise FormatError(
@@ -156,7 +162,9 @@ def _layout(header: _Header) -> Layout:
     *frame, count = sizes if is_sequence and dimensions > 2 else (*sizes, 1)
     image_free = 0 in frame
     channels = (*header.whole("ElementNumberOfChannels"), 1)[0]
-    return Layout(header.name, tuple(frame), count, channels, _dtype(header, image_free), _spacing(header, len(frame)))
+    return Layout(
+        header.name, tuple(frame), count, channels, _dtype(header, image_free), _spacing(header, len(frame))
+    )
 
 
 def _dtype(header: _Header, image_free: bool) -> np.dtype[Any]:
@@ -185,7 +193,9 @@ def _data_place(path: Path, header: _Header, layout: Layout) -> tuple[Path, int]
     if name.upper() == "LOCAL":
         return path, header.end
     if not name or name.split()[0].upper() == "LIST" or "%" in name:
-        raise UnsupportedError(f"{path.name}: keeps every frame in its own file ({name[:40]!r}); convert it to .mha")
+        raise UnsupportedError(
+            f"{path.name}: keeps every frame in its own file ({name[:40]!r}); convert it to .mha"
+        )
     data = beside(path, name)
     if layout.image_free:
         return data, 0

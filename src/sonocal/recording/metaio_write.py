@@ -56,7 +56,9 @@ def _write_header(recording: Recording, file: BinaryIO, compress: bool, data: st
     # MetaIO reads on after ElementDataFile, so that field comes last.
     for key, text in _header_lines(recording, compress):
         if "\n" in text or "\r" in text or "=" in key:
-            raise InputError(f"{recording.name}: field {key!r} holds a line break or '=' and cannot stand in a header")
+            raise InputError(
+                f"{recording.name}: field {key!r} holds a line break or '=' and cannot stand in a header"
+            )
         file.write(f"{key} = {text}\n".encode())
     file.write(f"ElementDataFile = {data}\n".encode())
 

@@ -47,7 +47,9 @@ class Poses:
         if self.matrices.ndim != 3 or self.matrices.shape[1:] != (4, 4):
             raise InputError(f"{self.name}: poses must have shape (N, 4, 4); got {self.matrices.shape}")
         if self.valid.shape != (len(self.matrices),):
-            raise InputError(f"{self.name}: valid must have shape ({len(self.matrices)},); got {self.valid.shape}")
+            raise InputError(
+                f"{self.name}: valid must have shape ({len(self.matrices)},); got {self.valid.shape}"
+            )
 
     @classmethod
     def of(cls, source: str, target: str, matrices: ArrayLike) -> Poses:
@@ -203,7 +205,8 @@ class Recording:
         found = [
             poses
             for poses in self.poses.values()
-            if poses.source.lower() == source.lower() and (target is None or poses.target.lower() == target.lower())
+            if poses.source.lower() == source.lower()
+            and (target is None or poses.target.lower() == target.lower())
         ]
         if len(found) == 1:
             return found[0]
@@ -233,7 +236,11 @@ class Recording:
         Raises:
             InputError: nothing connects the two, or a pose is not rigid.
         """
-        edges = [poses for poses in self.poses.values() if "image" not in (poses.source.lower(), poses.target.lower())]
+        edges = [
+            poses
+            for poses in self.poses.values()
+            if "image" not in (poses.source.lower(), poses.target.lower())
+        ]
         edges += [
             Poses.of(b, a, np.broadcast_to(np.asarray(matrix, dtype=float), (len(self), 4, 4)))
             for (a, b), matrix in (fixed or {}).items()

@@ -39,7 +39,18 @@ TYPES = {
     "f8": ("double",),
 }
 ORIENTATION_KEY = "ultrasound image orientation"
-STRUCTURE = ("type", "dimension", "sizes", "kinds", "encoding", "endian", "data file", "datafile", "byte skip", "line skip")
+STRUCTURE = (
+    "type",
+    "dimension",
+    "sizes",
+    "kinds",
+    "encoding",
+    "endian",
+    "data file",
+    "datafile",
+    "byte skip",
+    "line skip",
+)
 SPATIAL_KINDS = ("domain", "space", "???", "none")
 LIST_KINDS = ("list", "time")
 LINE_LIMIT = 1 << 24  # Slicer keeps the index values of a whole sequence in one line
@@ -103,7 +114,9 @@ def read_nrrd(path: Path) -> Recording:
         header.items,
         orientation=header.pairs.get(ORIENTATION_KEY, ""),
         fields=items_header | pairs,
-        provenance=Provenance(path.name, kind, (str(path),) if data_path == path else (str(path), str(data_path))),
+        provenance=Provenance(
+            path.name, kind, (str(path),) if data_path == path else (str(path), str(data_path))
+        ),
         times=_index_times(header, axes, layout.count),
     )
 
@@ -129,7 +142,9 @@ def _take(header: _Header, number: int, text: str) -> None:
         return
     match = re.match(r"([^:]+):(=| ?)(.*)", text)
     if match is None:
-        raise FormatError(f"{header.name}, line {number}: {text[:60]!r} is neither 'field: value' nor 'key:=value'")
+        raise FormatError(
+            f"{header.name}, line {number}: {text[:60]!r} is neither 'field: value' nor 'key:=value'"
+        )
     key, value, is_pair = match[1], match[3].strip(), match[2] == "="
     if is_pair and key.startswith(PREFIX):
         header.items.add(key, value)
@@ -171,8 +186,15 @@ def _named_axes(name: str, sizes: tuple[int, ...], kinds: Sequence[str]) -> _Axe
     lists = [i for i, kind in enumerate(kinds) if kind in LIST_KINDS]
     spatial = [i for i, kind in enumerate(kinds) if kind in SPATIAL_KINDS]
     colours = [i for i in range(len(sizes)) if i not in lists and i not in spatial]
-    if len(lists) > 1 or len(colours) > 1 or len(spatial) not in (2, 3) or (colours and colours[0] > spatial[0]):
-        raise UnsupportedError(f"{name}: its axes are {' '.join(kinds)}; sequences of images have 2 or 3 domains and a list")
+    if (
+        len(lists) > 1
+        or len(colours) > 1
+        or len(spatial) not in (2, 3)
+        or (colours and colours[0] > spatial[0])
+    ):
+        raise UnsupportedError(
+            f"{name}: its axes are {' '.join(kinds)}; sequences of images have 2 or 3 domains and a list"
+        )
     return _Axes(sizes, tuple(spatial), colours[0] if colours else None, lists[0] if lists else None)
 
 
@@ -192,7 +214,9 @@ def _dtype(header: _Header, image_free: bool) -> np.dtype[Any]:
     name = header.need("type").lower()
     code = next((code for code, names in TYPES.items() if name in names), None)
     if code is None:
-        raise UnsupportedError(f"{header.name}: pixels of type {name[:40]!r} cannot be read; convert them to uint8")
+        raise UnsupportedError(
+            f"{header.name}: pixels of type {name[:40]!r} cannot be read; convert them to uint8"
+        )
     endian = header.fields.get("endian", "little").lower()
     if endian not in ("little", "big"):
         raise FormatError(f"{header.name}: endian {endian[:40]!r} is neither little nor big")
@@ -205,9 +229,14 @@ def _spacing(header: _Header, axes: _Axes) -> tuple[float, ...] | None:
     if len(vectors) != len(axes.sizes):
         return None
     try:
-        lengths = [np.linalg.norm([float(x) for x in v.strip("()").split(",")]) if v != "none" else np.nan for v in vectors]
+        lengths = [
+            np.linalg.norm([float(x) for x in v.strip("()").split(",")]) if v != "none" else np.nan
+            for v in vectors
+        ]
     except ValueError:
-        raise FormatError(f"{header.name}: its spacing {' '.join(vectors)[:60]!r} is not of numbers") from None
+        raise FormatError(
+            f"{header.name}: its spacing {' '.join(vectors)[:60]!r} is not of numbers"
+        ) from None
     return tuple(float(lengths[i]) for i in axes.spatial)
 
 
@@ -216,7 +245,9 @@ def _data_place(path: Path, header: _Header) -> tuple[Path, int]:
         raise UnsupportedError(f"{path.name}: skips lines before its pixels; convert it to a plain .nrrd")
     skip = (*_whole(header, "byte skip", "0"), 0)[0]
     if skip < 0:
-        raise UnsupportedError(f"{path.name}: counts its pixels from the end of the file; convert it to a plain .nrrd")
+        raise UnsupportedError(
+            f"{path.name}: counts its pixels from the end of the file; convert it to a plain .nrrd"
+        )
     name = header.fields.get("data file", header.fields.get("datafile"))
     if name is None:
         return path, header.end + skip
@@ -279,7 +310,9 @@ def _index_times(header: _Header, axes: _Axes, count: int) -> Array | None:
     except ValueError:
         raise FormatError(f"{header.name}: the index values of its frames are not numbers") from None
     if len(times) != count or not np.isfinite(times).all():
-        raise FormatError(f"{header.name}: has {len(times)} index values for {count} frames, or some are not finite")
+        raise FormatError(
+            f"{header.name}: has {len(times)} index values for {count} frames, or some are not finite"
+        )
     return times
 
 

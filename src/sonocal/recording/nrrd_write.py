@@ -38,7 +38,9 @@ def write_nrrd(recording: Recording, path: str | Path, compress: bool = True) ->
         file.write(b"NRRD0005\n")
         for key, text, separator in _header_lines(recording, compress):
             if re.search(r"[\r\n]", key + text) or ":" in key or not key:
-                raise InputError(f"{recording.name}: field {key!r} holds a line break or ':' and cannot stand in a header")
+                raise InputError(
+                    f"{recording.name}: field {key!r} holds a line break or ':' and cannot stand in a header"
+                )
             file.write(f"{key}{separator}{text}\n".encode())
         file.write(b"\n")
         deflate = zlib.compressobj(wbits=GZIP)
@@ -88,9 +90,16 @@ def _geometry(recording: Recording, kept: dict[str, str]) -> dict[str, str]:
         return kept
     n = image.dimension
     spacing = image.spacing_mm or (1.0,) * n
-    vectors = ["(" + ",".join(repr(float(s)) if i == k else "0" for i in range(n)) + ")" for k, s in enumerate(spacing)]
+    vectors = [
+        "(" + ",".join(repr(float(s)) if i == k else "0" for i in range(n)) + ")"
+        for k, s in enumerate(spacing)
+    ]
     vectors = ["none"] * (image.channels > 1) + vectors + ["none"] * is_sequence(recording)
-    return {"space dimension": str(n), "space directions": " ".join(vectors), "space origin": f"({','.join('0' * n)})"}
+    return {
+        "space dimension": str(n),
+        "space directions": " ".join(vectors),
+        "space origin": f"({','.join('0' * n)})",
+    }
 
 
 def _type(name: str, dtype: np.dtype[np.generic]) -> str:

@@ -45,7 +45,9 @@ class ItemFields:
         column = self.columns.setdefault(item_field, {})
         index = int(number)
         if index in column:
-            raise FormatError(f"{self.name}, frame {index}: {item_field} stands twice in the header; delete one")
+            raise FormatError(
+                f"{self.name}, frame {index}: {item_field} stands twice in the header; delete one"
+            )
         column[index] = value
 
     @property
@@ -81,7 +83,9 @@ def interpret(fields: ItemFields, count: int) -> Items:
     poses = list(_poses(fields.name, columns, count))
     others = {name: _full(column, count) for name, column in columns.items()}
     status = next((others[name] for name in IMAGE_STATUS if name in others), None)
-    image_valid = np.array([True if status is None else status[i] in (None, "OK") for i in range(count)], dtype=bool)
+    image_valid = np.array(
+        [True if status is None else status[i] in (None, "OK") for i in range(count)], dtype=bool
+    )
     return Items(times, by_name(poses, fields.name), image_valid, others)
 
 
@@ -129,7 +133,9 @@ def _matrices(name: str, field_name: str, column: Mapping[int, str], count: int)
     rows = [text.split() for text in column.values()]
     for index, row in zip(column, rows, strict=True):
         if len(row) != 16:
-            raise FormatError(f"{name}, frame {index}: {field_name} has {len(row)} numbers where a pose has 16")
+            raise FormatError(
+                f"{name}, frame {index}: {field_name} has {len(row)} numbers where a pose has 16"
+            )
     try:
         numbers = np.fromiter(map(float, chain.from_iterable(rows)), dtype=float, count=16 * len(rows))
     except ValueError as error:
@@ -144,7 +150,9 @@ def _times(name: str, column: Mapping[int, str], count: int) -> Array:
     times = np.full(count, np.nan)
     for index, text in column.items():
         if not _is_number(text) or not np.isfinite(value := float(text)):
-            raise FormatError(f"{name}, frame {index}: Timestamp {text[:40]!r} is not a finite number of seconds")
+            raise FormatError(
+                f"{name}, frame {index}: Timestamp {text[:40]!r} is not a finite number of seconds"
+            )
         times[index] = value
     if column and len(column) < count:
         missing = int(np.flatnonzero(np.isnan(times))[0])

@@ -52,7 +52,12 @@ def kept_fields(recording: Recording, target: Literal["metaio", "nrrd"]) -> dict
         drop |= set(METAIO_GEOMETRY) | set(NRRD_GEOMETRY)
     kept = {key: text for key, text in recording.fields.items() if key not in drop}
     image = recording.image
-    if target == "metaio" and image is not None and "ElementSpacing" not in kept and image.spacing_mm is not None:
+    if (
+        target == "metaio"
+        and image is not None
+        and "ElementSpacing" not in kept
+        and image.spacing_mm is not None
+    ):
         kept["ElementSpacing"] = " ".join(map(repr, image.spacing_mm)) + (" 1" if len(recording) > 1 else "")
     return kept
 
