@@ -16,7 +16,8 @@ __all__ = ["Summary", "ToolSummary", "health", "summarize"]
 
 # A gap is this many usual intervals; one or two dropped frames are normal.
 GAP_FACTOR = 4.0
-STATIC_MM = 0.05
+# A tool that moves less than this is at rest: trackers jitter by a few tenths.
+STATIC_MM, STATIC_RAD = 0.5, 0.005
 # Poses equal to the last bit for this long are a tracker that repeats itself, not a hand that is still.
 FROZEN_RUN = 10
 MANY_INVALID = 0.1
@@ -163,7 +164,7 @@ def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
         return
     same = (seen[1:] == seen[:-1]).all(axis=(1, 2))
     travel, turn = _travel_mm(seen), np.abs(seen[:, :3, :3] - seen[0, :3, :3]).max()
-    if travel < STATIC_MM and turn < STATIC_MM / 100:
+    if travel < STATIC_MM and turn < STATIC_RAD:
         yield Diagnostic(
             code="static-tool",
             severity="info",
