@@ -39,36 +39,16 @@ struct PyEstimate {
   double least_information;
 };
 
-PyEstimate estimate_calibration(In<double, nb::ndim<2>> points, In<double, nb::shape<-1, 2, 3>> segments,
-                                In<std::int32_t, nb::ndim<1>> sightings, int dimension,
-                                const std::string& model, double threshold_mm, double confidence,
-                                int max_iterations, int exhaustive_limit, std::uint64_t seed) {
-  const std::size_t n = points.shape(0);
-  if (points.shape(1) != 3 || segments.shape(0) != n || sightings.shape(0) != n)
-    throw nb::value_error("points (N, 3), segments (N, 2, 3) and sightings (N,) differ in N");
-  Options options;
-  options.model = model == "anisotropic" ? Model::kAnisotropic : Model::kSimilarity;
-  options.threshold_mm = threshold_mm;
-  options.confidence = confidence;
-  options.max_iterations = max_iterations;
-  options.exhaustive_limit = exhaustive_limit;
-  options.seed = seed;
-  Estimate result;
-  TangentMatrix covariance;
+PyEstimate to_python(const Estimate& result, const PointLines& rows, Model model) {
+  const int k = parameter_count(model);
+  TangentMatrix covariance = TangentMatrix::Constant(k, k, kNaN);
   double least = 0;
-  {
-    nb::gil_scoped_release unlocked;
-    const PointLines rows(points.data(), segments.data(), static_cast<int>(n), dimension);
-    result = estimate(rows, std::vector<int>(sightings.data(), sightings.data() + n), options);
-    const int k = parameter_count(options.model);
-    covariance = TangentMatrix::Constant(k, k, kNaN);
-    if (result.found) {
-      least =
-          Eigen::SelfAdjointEigenSolver<TangentMatrix>(result.information).eigenvalues()[0] / result.inliers;
-      const TangentMatrix map = tangent_to_original(result.transform, rows.normalisation(), options.model);
-      const double size = rows.normalisation().size;
-      if (least > 0) covariance = map * result.information.inverse() * map.transpose() / (size * size);
-    }
+  if (result.found) {
+    least =
+        Eigen::SelfAdjointEigenSolver<TangentMatrix>(result.information).eigenvalues()[0] / result.inliers;
+    const TangentMatrix map = tangent_to_original(result.transform, rows.normalisation(), model);
+    const double size = rows.normalisation().size;
+    if (least > 0) covariance = map * result.information.inverse() * map.transpose() / (size * size);
   }
   return {result.found,
           result.converged,
@@ -81,6 +61,58 @@ PyEstimate estimate_calibration(In<double, nb::ndim<2>> points, In<double, nb::s
           to_numpy(result.squares.matrix()),
           to_numpy(covariance),
           least};
+}
+
+Model model_named(const std::string& name) {
+  if (name == "similarity") return Model::kSimilarity;
+  if (name == "anisotropic") return Model::kAnisotropic;
+  throw nb::value_error(("no such model: " + name).c_str());
+}
+
+using Points = In<double, nb::shape<-1, 3>>;
+using Segments = In<double, nb::shape<-1, 2, 3>>;
+
+void check_lengths(std::size_t points, std::size_t segments, std::size_t third) {
+  if (points != segments || points != third)
+    throw nb::value_error("the arrays differ in their number of rows");
+}
+
+PyEstimate estimate_calibration(Points points, Segments segments, In<std::int32_t, nb::ndim<1>> sightings,
+                                int dimension, const std::string& model, double threshold_mm,
+                                double confidence, int max_samples, int exhaustive_samples,
+                                std::uint64_t seed) {
+  const std::size_t n = points.shape(0);
+  check_lengths(n, segments.shape(0), sightings.shape(0));
+  Options options;
+  options.model = model_named(model);
+  options.threshold_mm = threshold_mm;
+  options.confidence = confidence;
+  options.max_samples = max_samples;
+  options.exhaustive_samples = exhaustive_samples;
+  options.seed = seed;
+  nb::gil_scoped_release unlocked;
+  const PointLines rows(points.data(), segments.data(), static_cast<int>(n), dimension);
+  const Estimate result = estimate(rows, std::vector<int>(sightings.data(), sightings.data() + n), options);
+  nb::gil_scoped_acquire locked;
+  return to_python(result, rows, options.model);
+}
+
+PyEstimate refine_calibration(Points points, Segments segments, In<bool, nb::ndim<1>> chosen,
+                              In<double, nb::shape<3, 3>> rotation, In<double, nb::shape<3>> translation,
+                              In<double, nb::shape<3>> scales, int dimension, const std::string& model,
+                              int max_iterations) {
+  const std::size_t n = points.shape(0);
+  check_lengths(n, segments.shape(0), chosen.shape(0));
+  using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  const Transform start{Eigen::Map<const RowMajor3>(rotation.data()),
+                        Eigen::Map<const Vector3d>(translation.data()),
+                        Eigen::Map<const Vector3d>(scales.data())};
+  const Model wanted = model_named(model);
+  nb::gil_scoped_release unlocked;
+  const PointLines rows(points.data(), segments.data(), static_cast<int>(n), dimension);
+  const Estimate result = refine_chosen(rows, chosen.data(), start, wanted, max_iterations);
+  nb::gil_scoped_acquire locked;
+  return to_python(result, rows, wanted);
 }
 
 }  // namespace
@@ -100,5 +132,8 @@ void bind_estimate(nb::module_& m) {
       .def_ro("least_information", &PyEstimate::least_information);
   m.def("estimate_calibration", &estimate_calibration, "points"_a.noconvert(), "segments"_a.noconvert(),
         "sightings"_a.noconvert(), nb::kw_only(), "dimension"_a, "model"_a, "threshold_mm"_a, "confidence"_a,
-        "max_iterations"_a, "exhaustive_limit"_a, "seed"_a);
+        "max_samples"_a, "exhaustive_samples"_a, "seed"_a);
+  m.def("refine_calibration", &refine_calibration, "points"_a.noconvert(), "segments"_a.noconvert(),
+        "chosen"_a.noconvert(), "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert(),
+        nb::kw_only(), "dimension"_a, "model"_a, "max_iterations"_a);
 }

@@ -126,6 +126,18 @@ constexpr int kFinalIterations = 60;
 // Fewer samples than this prove nothing, whatever the share of inliers seems to be.
 constexpr int kFewestSamples = 20;
 
+// Brings a normalised answer, and `squares` with it, to original coordinates.
+void report(const PointLines& rows, const Transform& normalised, const NormalEquations& equations,
+            Model model, Estimate& result) {
+  const Normalisation& normalisation = rows.normalisation();
+  result.transform = normalisation.to_original(normalised);
+  result.squares *= normalisation.size * normalisation.size;
+  result.inliers = equations.rows();
+  Tangent unused;
+  equations.linearise(normalised, model, result.information, unused);
+  result.found = true;
+}
+
 class Loop {
  public:
   Loop(const PointLines& rows, const Options& options)
@@ -138,11 +150,11 @@ class Loop {
     Estimate result;
     const int n = sampler.units(), size = sampler.sample_size();
     if (n < size) return result;
-    const bool all = sampler.enumerable() && combinations(n, size) <= options_.exhaustive_limit;
+    const bool all = sampler.enumerable() && combinations(n, size) <= options_.exhaustive_samples;
     Random random(options_.seed);
     std::array<int, 4> units{0, 1, 2, 3};
     Candidates candidates;
-    double needed = all ? combinations(n, size) : options_.max_iterations;
+    double needed = all ? combinations(n, size) : options_.max_samples;
     for (bool more = true; more && result.samples < needed; ++result.samples) {
       if (!all) draw_distinct(units, size, n, random);
       const int count = sampler.solve(units, random, candidates);
@@ -171,11 +183,8 @@ class Loop {
   bool optimise(int rounds, int iterations) {
     bool converged = false;
     for (int round = 0; round < rounds; ++round) {
-      const NormalEquations equations = agreeing();
-      if (2 * equations.rows() <= parameter_count(options_.model)) return false;
-      const Refinement refined = refine(equations, best_.transform, options_.model, iterations);
-      const double score =
-          rows_.truncated_sum(refined.transform, limit_, std::numeric_limits<double>::infinity());
+      const Refinement refined = refit(limit_, iterations);
+      const double score = score_of(refined.transform);
       converged = refined.converged;
       const bool better = score < best_.score;
       if (score <= best_.score) best_ = {refined.transform, score, best_.count};
@@ -186,34 +195,52 @@ class Loop {
     return converged;
   }
 
-  NormalEquations agreeing() {
+  // Two fits that differ by a row near the threshold are both stable. Refitting from the rows within half
+  // and twice the threshold finds the better one, whatever the samples happened to be.
+  void try_other_thresholds() {
+    bool improved = true;
+    for (int round = 0; improved && round < kLocalRounds; ++round) {
+      improved = false;
+      for (const double factor : {0.25, 4.0})
+        improved |= consider(refit(factor * limit_, kLocalIterations).transform);
+    }
+  }
+
+  Refinement refit(double limit, int iterations) {
+    const NormalEquations equations = agreeing(limit);
+    if (2 * equations.rows() <= parameter_count(options_.model)) return {best_.transform, 0, 0, false};
+    return refine(equations, best_.transform, options_.model, iterations);
+  }
+
+  double score_of(const Transform& a) const {
+    return rows_.truncated_sum(a, limit_, std::numeric_limits<double>::infinity());
+  }
+
+  NormalEquations agreeing(double limit) {
     rows_.squared_distances(best_.transform, squares_);
     NormalEquations equations(rows_.dimension());
-    equations.add_inliers(rows_, squares_, limit_);
+    equations.add_inliers(rows_, squares_, limit);
     return equations;
   }
 
   // Samples after which one without outliers has been drawn, to the confidence asked for.
   double samples_needed(int sample_size) const {
     const double clean = std::pow(static_cast<double>(best_.count) / rows_.size(), sample_size);
-    if (!(clean > 0)) return options_.max_iterations;
+    if (!(clean > 0)) return options_.max_samples;
     const double needed = clean < 1 ? std::log1p(-options_.confidence) / std::log1p(-clean) : 0;
-    return std::clamp(needed, static_cast<double>(std::min(kFewestSamples, options_.max_iterations)),
-                      static_cast<double>(options_.max_iterations));
+    return std::clamp(needed, static_cast<double>(std::min(kFewestSamples, options_.max_samples)),
+                      static_cast<double>(options_.max_samples));
   }
 
   void finish(Estimate& result) {
     result.best_count = best_.count;
     if (!std::isfinite(best_.score)) return;
+    try_other_thresholds();
     result.converged = optimise(kFinalRounds, kFinalIterations);
-    const NormalEquations equations = agreeing();
-    const Normalisation& normalisation = rows_.normalisation();
-    result.transform = normalisation.to_original(best_.transform);
-    result.squares = squares_ * (normalisation.size * normalisation.size);
-    result.inliers = result.best_count = equations.rows();
-    Tangent unused;
-    equations.linearise(best_.transform, options_.model, result.information, unused);
-    result.found = true;
+    const NormalEquations equations = agreeing(limit_);
+    result.squares = squares_;
+    result.best_count = equations.rows();
+    report(rows_, best_.transform, equations, options_.model, result);
   }
 
   const PointLines& rows_;
@@ -224,6 +251,21 @@ class Loop {
 };
 
 }  // namespace
+
+Estimate refine_chosen(const PointLines& rows, const bool* chosen, const Transform& start, Model model,
+                       int max_iterations) {
+  const Normalisation& normalisation = rows.normalisation();
+  Column selector(rows.size());
+  for (int i = 0; i < rows.size(); ++i) selector[i] = chosen[i] ? 0.0 : 1.0;
+  NormalEquations equations(rows.dimension());
+  equations.add_inliers(rows, selector, 0.5);
+  const Refinement refined = refine(equations, normalisation.to_normalised(start), model, max_iterations);
+  Estimate result;
+  rows.squared_distances(refined.transform, result.squares);
+  report(rows, refined.transform, equations, model, result);
+  result.converged = refined.converged;
+  return result;
+}
 
 Estimate estimate(const PointLines& rows, const std::vector<int>& sightings, const Options& options) {
   Loop loop(rows, options);

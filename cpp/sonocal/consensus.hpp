@@ -12,8 +12,8 @@ struct Options {
   Model model = Model::kSimilarity;
   double threshold_mm = 5.0;  // paper section 9
   double confidence = 0.99999;
-  int max_iterations = 10000;
-  int exhaustive_limit = 2000;  // go through all combinations where they are no more than this
+  int max_samples = 10000;
+  int exhaustive_samples = 2000;  // go through all combinations where they are no more than this
   std::uint64_t seed = 0;
 };
 
@@ -32,5 +32,9 @@ struct Estimate {
 // 2D (dimension 2): samples are four rows (four_points). 3D: two sightings of at least two rows each
 // (two_lines).
 Estimate estimate(const PointLines& rows, const std::vector<int>& sightings, const Options& options);
+
+// Refinement alone, on the rows with chosen[i], from a start in original coordinates.
+Estimate refine_chosen(const PointLines& rows, const bool* chosen, const Transform& start, Model model,
+                       int max_iterations);
 
 }  // namespace sonocal

@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
 
-__all__ = ["Array", "AxisScaled", "Similarity", "homogeneous_points", "segment_directions", "similarity_errors"]
+__all__ = [
+    "Array",
+    "AxisScaled",
+    "Similarity",
+    "homogeneous_points",
+    "segment_directions",
+    "similarity_errors",
+]
 
 Array = NDArray[np.float64]
 
@@ -80,7 +87,7 @@ class AxisScaled:
     @property
     def quaternion_wxyz(self) -> Array:
         """(..., 4): the rotation as a unit quaternion with ``w >= 0``."""
-        from scipy.spatial.transform import Rotation  # noqa: PLC0415 - 0.4 s that most calls do not need
+        from scipy.spatial.transform import Rotation
 
         xyzw = Rotation.from_matrix(self.rotation).as_quat(canonical=True)
         return np.asarray(np.roll(xyzw, 1, axis=-1))
@@ -206,7 +213,7 @@ def similarity_errors(found: AxisScaled, truth: AxisScaled) -> tuple[Array, Arra
 
 
 def _rotation_exp(rotvec: ArrayLike) -> Array:
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - 0.4 s that most calls do not need
+    from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(np.asarray(rotvec, dtype=float)).as_matrix())
 

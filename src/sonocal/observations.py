@@ -9,22 +9,33 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import FormatError, InputError
+from sonocal.files import read_bytes, write_atomically
 from sonocal.geometry import Array
 
-__all__ = ["Observations", "read_observations", "write_observations"]
+__all__ = [
+    "Observations",
+    "group_codes",
+    "observations_csv",
+    "parse_observations",
+    "read_observations",
+    "write_observations",
+]
 
 SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
 REQUIRED_COLUMNS = ("frame", "target", "u_px", "v_px", *SEGMENT_COLUMNS)
 KNOWN_COLUMNS = (*REQUIRED_COLUMNS, "w_px", "split", "sigma_px", "sigma_mm")
+
+_DEFAULT: Any = None  # filled in by the constructor
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +62,9 @@ class Observations:
 
     points_px: Array
     segments_mm: Array
-    frame: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
-    target: NDArray[np.str_] = field(default=None)  # type: ignore[assignment]
-    split: NDArray[np.str_] = field(default=None)  # type: ignore[assignment]
+    frame: NDArray[np.int64] = _DEFAULT
+    target: NDArray[np.str_] = _DEFAULT
+    split: NDArray[np.str_] = _DEFAULT
     sigma_px: Array | None = None
     sigma_mm: Array | None = None
     extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
@@ -92,18 +103,30 @@ class Observations:
     @property
     def sightings(self) -> NDArray[np.int64]:
         """(N,): a number a sighting, counted from 0: rows of one split, frame and target share it."""
-        keys = np.rec.fromarrays([self.split, self.frame, self.target])
-        return np.asarray(np.unique(keys, return_inverse=True)[1].reshape(-1), dtype=np.int64)
+        return group_codes(self.split, self.frame, self.target)
 
     def select(self, rows: ArrayLike) -> Observations:
         """The table of some rows, given by a mask or by indices."""
         index = np.asarray(rows)
         columns = {
             name: value[index]
-            for name in ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
+            for name in (
+                "points_px",
+                "segments_mm",
+                "frame",
+                "target",
+                "split",
+                "sigma_px",
+                "sigma_mm",
+                "lines",
+            )
             if (value := getattr(self, name)) is not None
         }
-        return replace(self, **columns, extra={name: column[index] for name, column in self.extra.items()})
+        part = copy(self)  # rows of a sound table are sound: no second check
+        for name, column in columns.items():
+            part._set(name, column)
+        part._set("extra", {name: column[index] for name, column in self.extra.items()})
+        return part
 
     def select_split(self, name: str) -> Observations:
         """The rows of one split.
@@ -128,7 +151,9 @@ class Observations:
 
     def _set_column(self, name: str, values: ArrayLike, kind: type) -> None:
         try:
-            column = np.asarray(values).astype(kind, casting="same_kind" if kind is np.int64 else "unsafe")
+            column: NDArray[Any] = np.asarray(values).astype(
+                kind, casting="same_kind" if kind is np.int64 else "unsafe"
+            )
         except (TypeError, ValueError) as error:
             raise InputError(f"{self.source}: {name} must be {kind.__name__}; {error}") from None
         if column.shape != (len(self),):
@@ -162,7 +187,7 @@ class Observations:
             first, second = pair
             raise InputError(
                 f"{self.where(second)}: repeats {self.where(first).removeprefix(self.source + ', ')} "
-                f"(frame {self.frame[first]}, target {self.target[first]!r}) value for value; "
+                f"(frame {self.frame[first]}, target {str(self.target[first])!r}) value for value; "
                 "delete one, a copy is not a second measurement"
             )
 
@@ -175,6 +200,16 @@ class Observations:
             return None
         second = int(np.flatnonzero(first[inverse.reshape(-1)] != np.arange(len(packed)))[0])
         return int(first[inverse.reshape(-1)[second]]), second
+
+
+def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
+    """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
+    codes = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        distinct, code = np.unique(column, return_inverse=True)
+        if len(distinct) > 1:
+            codes = np.unique(codes * len(distinct) + code.reshape(-1), return_inverse=True)[1].reshape(-1)
+    return codes
 
 
 def _first(mask: NDArray[np.bool_]) -> int | None:
@@ -200,28 +235,31 @@ def read_observations(path: str | Path) -> Observations:
         FormatError: the file is not a CSV table.
     """
     path = Path(path)
-    with _reading(path):
-        data = path.read_bytes()
-    header, rows, lines = _parse_csv(path.name, data)
-    _check_header(path.name, header)
+    return parse_observations(read_bytes(path, "the CSV file of observations"), path.name)
+
+
+def parse_observations(data: bytes, name: str) -> Observations:
+    """The table in the content of a CSV file; `name` is what messages call it. As `read_observations`."""
+    header, rows, lines = _parse_csv(name, data)
+    _check_header(name, header)
     if not rows:
-        raise InputError(f"{path.name}: has a header but no rows; write one row a sighting")
+        raise InputError(f"{name}: has a header but no rows; write one row a sighting")
     text = dict(zip(header, zip(*rows, strict=True), strict=True))
     numbers = {
-        name: _numbers(path.name, name, text[name], lines)
-        for name in (*REQUIRED_COLUMNS[2:], "w_px", "sigma_px", "sigma_mm")
-        if name in text
+        column: _numbers(name, column, text[column], lines)
+        for column in (*REQUIRED_COLUMNS[2:], "w_px", "sigma_px", "sigma_mm")
+        if column in text
     }
     return Observations(
         points_px=np.column_stack([numbers[n] for n in ("u_px", "v_px", "w_px") if n in numbers]),
         segments_mm=np.column_stack([numbers[n] for n in SEGMENT_COLUMNS]).reshape(-1, 2, 3),
-        frame=_frames(path.name, text["frame"], lines),
+        frame=_frames(name, text["frame"], lines),
         target=np.array([t.strip() for t in text["target"]], dtype=np.str_),
-        split=np.array([s.strip() for s in text["split"]], dtype=np.str_) if "split" in text else None,  # type: ignore[arg-type]
+        split=np.array([s.strip() for s in text["split"]], dtype=np.str_) if "split" in text else _DEFAULT,
         sigma_px=numbers.get("sigma_px"),
         sigma_mm=numbers.get("sigma_mm"),
-        extra={name: np.array(text[name], dtype=np.str_) for name in header if name not in KNOWN_COLUMNS},
-        source=path.name,
+        extra={c: np.array(text[c], dtype=np.str_) for c in header if c not in KNOWN_COLUMNS},
+        source=name,
         lines=np.array(lines, dtype=np.int64),
         sha256=hashlib.sha256(data).hexdigest(),
     )
@@ -233,6 +271,11 @@ def write_observations(observations: Observations, path: str | Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
+    write_atomically(path, observations_csv(observations))
+
+
+def observations_csv(observations: Observations) -> bytes:
+    """The table as the text of its CSV file."""
     columns: dict[str, Iterable[object]] = {
         "frame": observations.frame.tolist(),
         "target": observations.target.tolist(),
@@ -249,27 +292,14 @@ def write_observations(observations: Observations, path: str | Path) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
-    try:
-        Path(path).write_text(text.getvalue(), encoding="utf-8", newline="")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the name and the folder") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a directory; name the CSV file of observations in it") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+    return text.getvalue().encode()
 
 
 def _parse_csv(name: str, data: bytes) -> tuple[list[str], list[list[str]], list[int]]:
     if not data.strip():
-        raise InputError(f"{name}: is empty; it needs a header with the columns {', '.join(REQUIRED_COLUMNS)}")
+        raise InputError(
+            f"{name}: is empty; it needs a header with the columns {', '.join(REQUIRED_COLUMNS)}"
+        )
     try:
         content = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -318,7 +348,9 @@ def _numbers(name: str, column: str, cells: Sequence[str], lines: Sequence[int])
     except ValueError:
         row = next(i for i, cell in enumerate(cells) if not _is_number(cell))
     arrived = f"{cells[row].strip()!r} is not a number" if cells[row].strip() else "the cell is empty"
-    raise InputError(f"{name}, line {lines[row]}, column {column}: {arrived}; write a decimal number such as 12.5")
+    raise InputError(
+        f"{name}, line {lines[row]}, column {column}: {arrived}; write a decimal number such as 12.5"
+    )
 
 
 def _is_number(cell: str) -> bool:
@@ -333,7 +365,9 @@ def _frames(name: str, cells: Sequence[str], lines: Sequence[int]) -> NDArray[np
     try:
         return np.array([int(cell) for cell in cells], dtype=np.int64)
     except (ValueError, OverflowError):
-        row = next(i for i, cell in enumerate(cells) if not cell.strip().lstrip("+-").isdigit() or len(cell) > 18)
+        row = next(
+            i for i, cell in enumerate(cells) if not cell.strip().lstrip("+-").isdigit() or len(cell) > 18
+        )
     raise InputError(
         f"{name}, line {lines[row]}, column frame: {cells[row].strip()!r} is not a whole number; "
         "number the images, rows of one image share its number"

@@ -1,8 +1,8 @@
 #include "sonocal/solvers/four_points.hpp"
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <cmath>
+#include <utility>
 
 #include "sonocal/solvers/polynomial.hpp"
 
@@ -46,6 +46,48 @@ Conic operator-(const Conic& x, const Conic& y) {
 }
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+// A number that is affine in the two unknowns.
+struct Affine1 {
+  double constant, a, m;
+};
+
+Affine3 along(const Affine1& place, const Vector3d& direction) {
+  return {place.constant * direction, place.a * direction, place.m * direction};
+}
+
+Vector3d widest_cross(const std::array<PointOnLine, 4>& problem) {
+  Vector3d widest = Vector3d::Zero();
+  for (int i = 0; i < 3; ++i)
+    for (int j = i + 1; j < 4; ++j) {
+      const Vector3d normal = problem[i].direction.cross(problem[j].direction);
+      if (normal.squaredNorm() > widest.squaredNorm()) widest = normal;
+    }
+  return widest;
+}
+
+// Gauss-Jordan with full pivoting on the first five columns: three of them become unit vectors and are
+// moved to the front, `order` says which. False where the rank is below three.
+bool eliminate(Eigen::Matrix<double, 3, 6>& m, std::array<int, 5>& order) {
+  const double largest = m.leftCols<5>().cwiseAbs().maxCoeff();
+  for (int step = 0; step < 3; ++step) {
+    int row = step, column = step;
+    for (int c = step; c < 5; ++c)
+      for (int r = step; r < 3; ++r)
+        if (std::fabs(m(r, c)) > std::fabs(m(row, column))) {
+          row = r;
+          column = c;
+        }
+    if (!(std::fabs(m(row, column)) > 1e-13 * largest)) return false;
+    m.row(step).swap(m.row(row));
+    m.col(step).swap(m.col(column));
+    std::swap(order[step], order[column]);
+    m.row(step) /= m(step, step);
+    for (int r = 0; r < 3; ++r)
+      if (r != step) m.row(r) -= m(r, step) * m.row(step);
+  }
+  return true;
+}
 
 // Eliminates mu from two conics: mu = -constant(alpha) / slope(alpha), and the quartic in alpha.
 struct Elimination {
@@ -131,40 +173,39 @@ int four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform,
   const std::array<double, 4> w{cross(x[2] - x[1], x[3] - x[1]), -cross(x[2] - x[0], x[3] - x[0]),
                                 cross(x[1] - x[0], x[3] - x[0]), -cross(x[1] - x[0], x[2] - x[0])};
 
-  // Point e is held to one plane only; the lines of the three others make the best conditioned 3 x 3.
-  int e = 0;
-  double best = 0;
-  for (int i = 0; i < 4; ++i) {
-    const int a = (i + 1) % 4, b = (i + 2) % 4, c = (i + 3) % 4;
-    const auto& [da, db, dc] = std::tie(problem[a].direction, problem[b].direction, problem[c].direction);
-    const double volume = std::fabs(w[a] * w[b] * w[c] * da.dot(db.cross(dc)));
-    if (volume > best) {
-      best = volume;
-      e = i;
-    }
-  }
-  if (!(best > 0)) return 0;
-  const std::array<int, 3> others{(e + 1) % 4, (e + 2) % 4, (e + 3) % 4};
-
-  // Every point as an affine function of alpha (along line e) and mu (across it):
-  //     P_e = f_e + alpha d_e + mu m_e,   P_i = f_i + lambda_i d_i,   sum_i w_i P_i = 0.
-  Matrix3d columns;
-  Vector3d sum = w[e] * foot[e];
-  for (int i = 0; i < 3; ++i) {
-    columns.col(i) = w[others[i]] * problem[others[i]].direction;
-    sum += w[others[i]] * foot[others[i]];
-  }
+  // Every point as a function of its place along its line, and of one step mu across line e, the point
+  // that is held to one plane only:
+  //     P_i = f_i + lambda_i d_i (+ mu m at i = e),   sum_i w_i P_i = 0.
+  // The step leads out of the plane that two directions span: needles often tilt in one plane only,
+  // and places along such lines alone could not close the sum.
+  constexpr int e = 3;
   Vector3d across, unused;
-  perpendicular_basis(problem[e].direction, across, unused);
-  const Matrix3d inverse = columns.inverse();
-  const Vector3d l0 = -inverse * sum;
-  const Vector3d la = -w[e] * (inverse * problem[e].direction), lm = -w[e] * (inverse * across);
-  std::array<Affine3, 4> p;
-  p[e] = {foot[e], problem[e].direction, across};
-  for (int i = 0; i < 3; ++i) {
-    const Vector3d& d = problem[others[i]].direction;
-    p[others[i]] = {foot[others[i]] + l0[i] * d, la[i] * d, lm[i] * d};
+  const Vector3d& de = problem[e].direction;
+  const Vector3d out_of_plane = widest_cross(problem);
+  across = out_of_plane - de * de.dot(out_of_plane);
+  if (across.squaredNorm() > 1e-4 * out_of_plane.squaredNorm())
+    across.normalize();
+  else
+    perpendicular_basis(de, across, unused);
+  Eigen::Matrix<double, 3, 6> sum;
+  sum.col(5).setZero();
+  for (int i = 0; i < 4; ++i) {
+    sum.col(i) = w[i] * problem[i].direction;
+    sum.col(5) += w[i] * foot[i];
   }
+  sum.col(4) = w[e] * across;
+  std::array<int, 5> order{0, 1, 2, 3, 4};
+  if (!eliminate(sum, order)) return 0;
+
+  // The places (lambda, mu) are affine in the two that the elimination left free, alpha and mu below.
+  std::array<Affine1, 5> places;
+  places[order[3]] = {0, 1, 0};
+  places[order[4]] = {0, 0, 1};
+  for (int i = 0; i < 3; ++i) places[order[i]] = {-sum(i, 5), -sum(i, 3), -sum(i, 4)};
+  std::array<Affine3, 4> p;
+  for (int i = 0; i < 4; ++i) p[i] = along(places[i], problem[i].direction);
+  for (int i = 0; i < 4; ++i) p[i].constant += foot[i];
+  p[e] = p[e].combine(1.0, along(places[4], across), 1.0);
 
   // c1 and c2 from the three points of the largest triangle.
   int left_out = 0;

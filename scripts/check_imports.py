@@ -1,0 +1,81 @@
+"""Which room may import which, as data, and the check of it."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent.parent / "src" / "sonocal"
+
+# Every room may import `errors`, `files`, `geometry` and NumPy, except where its row says less. A room is
+# a module or a folder beside __init__.py; the calibration room has several modules.
+EVERYONE = {"errors", "files", "geometry"}
+CALIBRATION = {"calibration", "calibration_file", "diagnostics"}
+ALLOWED: dict[str, set[str]] = {
+    "errors": set(),
+    "files": {"errors"},
+    "geometry": {"errors"},
+    "observations": EVERYONE,
+    "registration": EVERYONE | {"_core"},
+    "recording": EVERYONE,
+    "detection": EVERYONE | {"recording"},
+    "diagnostics": EVERYONE | {"registration"},
+    "calibration": EVERYONE | CALIBRATION | {"observations", "registration", "recording", "detection"},
+    "calibration_file": EVERYONE | CALIBRATION | {"registration"},
+    "export": EVERYONE | CALIBRATION,
+    "simulation": EVERYONE | {"recording", "observations"},
+    "terminal": EVERYONE | CALIBRATION | {"observations", "recording", "registration", "simulation"},
+}
+# These see everything: the public face and the command line.
+UNRESTRICTED = {"__init__", "__main__", "cli"}
+# Third parties that a room's own import must not drag in: `import sonocal` stays fast.
+LAZY = {"scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom"}
+LAZY_EXEMPT = {"cli": {"click"}, "terminal": {"rich"}}
+
+
+def imported(tree: ast.AST, *, module_level: bool) -> set[str]:
+    """Dotted names that a module imports, anywhere or only where it is itself imported."""
+    names: set[str] = set()
+    nodes = tree.body if module_level and isinstance(tree, ast.Module) else ast.walk(tree)
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= (
+                {f"{node.module}.{alias.name}" for alias in node.names}
+                if node.module == "sonocal"
+                else {node.module}
+            )
+    return names
+
+
+def problems(path: Path) -> list[str]:
+    """What one module imports and may not."""
+    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    if room in UNRESTRICTED and room != "cli":
+        return []
+    if room not in ALLOWED and room not in UNRESTRICTED:
+        return [f"{path}: the room {room!r} has no row in the import table of {Path(__file__).name}"]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found = []
+    if room not in UNRESTRICTED:
+        for name in sorted(imported(tree, module_level=False)):
+            parts = name.split(".")
+            if parts[0] == "sonocal" and len(parts) > 1 and parts[1] not in ALLOWED[room] | {room}:
+                found.append(f"{path}: {room} must not import {name}")
+    for name in sorted(imported(tree, module_level=True)):
+        if name.split(".")[0] in LAZY - LAZY_EXEMPT.get(room, set()):
+            found.append(f"{path}: import {name} inside the function that needs it")
+    return found
+
+
+def main() -> int:
+    """Print what breaks the table; 1 if anything does."""
+    found = [problem for path in sorted(PACKAGE.rglob("*.py")) for problem in problems(path)]
+    print("\n".join(found) if found else "imports follow the table")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

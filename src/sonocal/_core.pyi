@@ -1,0 +1,49 @@
+"""The mathematics of sonocal, in C++."""
+
+from typing import Annotated
+
+import numpy
+from numpy.typing import NDArray
+
+
+def four_points(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 4, 2), order='C', device='cpu', writable=False)], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, 4, 2, 3), order='C', device='cpu', writable=False)], real_parts: bool) -> tuple[Annotated[NDArray[numpy.float64], dict(order='C')], Annotated[NDArray[numpy.int64], dict(order='C')]]: ...
+
+def two_lines(image_segments: Annotated[NDArray[numpy.float64], dict(shape=(None, 2, 2, 3), order='C', device='cpu', writable=False)], needle_segments: Annotated[NDArray[numpy.float64], dict(shape=(None, 2, 2, 3), order='C', device='cpu', writable=False)]) -> tuple[Annotated[NDArray[numpy.float64], dict(order='C')], Annotated[NDArray[numpy.int64], dict(order='C')]]: ...
+
+class Estimate:
+    @property
+    def found(self) -> bool: ...
+
+    @property
+    def converged(self) -> bool: ...
+
+    @property
+    def inliers(self) -> int: ...
+
+    @property
+    def samples(self) -> int: ...
+
+    @property
+    def best_count(self) -> int: ...
+
+    @property
+    def rotation(self) -> Annotated[NDArray[numpy.float64], dict(order='C')]: ...
+
+    @property
+    def translation(self) -> Annotated[NDArray[numpy.float64], dict(order='C')]: ...
+
+    @property
+    def scales(self) -> Annotated[NDArray[numpy.float64], dict(order='C')]: ...
+
+    @property
+    def squares(self) -> Annotated[NDArray[numpy.float64], dict(order='C')]: ...
+
+    @property
+    def unit_covariance(self) -> Annotated[NDArray[numpy.float64], dict(order='C')]: ...
+
+    @property
+    def least_information(self) -> float: ...
+
+def estimate_calibration(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, 2, 3), order='C', device='cpu', writable=False)], sightings: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], *, dimension: int, model: str, threshold_mm: float, confidence: float, max_samples: int, exhaustive_samples: int, seed: int) -> Estimate: ...
+
+def refine_calibration(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, 2, 3), order='C', device='cpu', writable=False)], chosen: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], rotation: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='C', device='cpu', writable=False)], translation: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C', device='cpu', writable=False)], scales: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C', device='cpu', writable=False)], *, dimension: int, model: str, max_iterations: int) -> Estimate: ...

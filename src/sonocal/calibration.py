@@ -1,0 +1,363 @@
+"""From a table of sightings to a calibration that says how far to trust it: the main path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sonocal.diagnostics import (
+    Diagnostic,
+    diagnose_anisotropy,
+    diagnose_fit,
+    diagnose_noise,
+    diagnose_weakness,
+)
+from sonocal.errors import InputError, UnsupportedError
+from sonocal.geometry import Array, AxisScaled, homogeneous_points, segment_directions
+from sonocal.observations import Observations, group_codes
+from sonocal.registration.degeneracy import refuse_degenerate_lines, refuse_free_motion
+from sonocal.registration.noise import Noise, estimate_noise, residual_vectors, stretch_length
+from sonocal.registration.refine import refine_point_lines
+from sonocal.registration.robust import MINIMAL_ROWS, Fit, Model, fit_point_lines
+from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
+
+__all__ = ["Calibration", "ErrorStatistics", "calibrate"]
+
+MODELS: tuple[Model, ...] = ("similarity", "anisotropic")
+
+
+@dataclass(frozen=True)
+class ErrorStatistics:
+    """Distances of mapped points to their lines, mm.
+
+    Of the rows that were fitted, only those that agree count; of held-out rows, all.
+
+    Attributes:
+        observations: rows given.
+        inliers: rows within the threshold.
+        rms_mm, median_mm, p95_mm, max_mm: over the rows that count.
+    """
+
+    observations: int
+    inliers: int
+    rms_mm: float
+    median_mm: float
+    p95_mm: float
+    max_mm: float
+
+    @classmethod
+    def of(cls, counted_mm: Array, observations: int, inliers: int) -> ErrorStatistics:
+        """The statistics of some distances (M,) in mm."""
+        return cls(
+            observations=observations,
+            inliers=inliers,
+            rms_mm=float(np.sqrt(np.mean(counted_mm**2))),
+            median_mm=float(np.median(counted_mm)),
+            p95_mm=float(np.quantile(counted_mm, 0.95)),
+            max_mm=float(counted_mm.max()),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The map from the image's pixels to the probe marker's frame, and how far to trust it.
+
+    Attributes:
+        probe_from_image: mm from px.
+        model: "similarity" (one scale) or "anisotropic" (one along u, one along v).
+        covariance: (k, k), of the tangent: rotation vector applied on the left (rad), translation (mm),
+            log scale (one, or two when anisotropic). None where no row is left to estimate the noise.
+        noise: the standard deviations behind it, mm.
+        area_px: (2, 2) or (2, 3): the least and the greatest corner of the image area that predicted
+            errors are quoted for.
+        fit, test: errors of the fitted and of the held-out rows.
+        residuals_mm, inlier: (N,), of the fitted rows in the order given.
+        diagnostics: what to know before use, warnings first.
+        latency_s: the tracker's lag behind the image, or None when not estimated.
+        provenance: input, options and versions.
+    """
+
+    probe_from_image: AxisScaled
+    model: Model
+    covariance: Array | None
+    noise: Noise
+    area_px: Array
+    fit: ErrorStatistics
+    test: ErrorStatistics | None
+    residuals_mm: Array
+    inlier: NDArray[np.bool_]
+    diagnostics: tuple[Diagnostic, ...]
+    latency_s: float | None = None
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def dimension(self) -> int:
+        """2 for a 2D probe, 3 for a 3D probe."""
+        return int(self.area_px.shape[1])
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """The findings to read before use."""
+        return tuple(d for d in self.diagnostics if d.severity == "warning")
+
+    def predict(self, points_px: ArrayLike) -> tuple[Array, Array]:
+        """Where points of the image are, and how well that is known.
+
+        Args:
+            points_px: (N, 2) or (N, 3), px.
+
+        Returns:
+            The points (N, 3) in mm in the probe marker's frame and their covariance (N, 3, 3) in mm^2,
+            from the calibration's uncertainty alone (add the noise of the point itself).
+
+        Raises:
+            UnsupportedError: the calibration has no covariance.
+        """
+        if self.covariance is None:
+            raise UnsupportedError(
+                "this calibration has no row to spare and so no covariance; calibrate with more sightings"
+            )
+        return self.probe_from_image @ points_px, point_covariance(
+            self.probe_from_image, self.covariance, points_px
+        )
+
+    def predicted_errors(self) -> tuple[Array, Array, Array]:
+        """Predicted error at the corners and the centre of the area.
+
+        Returns:
+            The places (M, 2) or (M, 3) in px, the root mean square error (M,) and the error that 95 % stay
+            below (M,), mm.
+
+        Raises:
+            UnsupportedError: the calibration has no covariance.
+        """
+        places = area_places(self.area_px)
+        covariances = self.predict(places)[1]
+        return places, np.sqrt(np.trace(covariances, axis1=1, axis2=2)), radius_95(covariances)
+
+    def save(self, path: str | Path) -> None:
+        """Write the calibration as JSON, whole or not at all.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        from sonocal.calibration_file import save_calibration
+
+        save_calibration(self, path)
+
+
+def calibrate(
+    observations: Observations,
+    *,
+    model: Model = "similarity",
+    threshold_mm: float = 5.0,
+    fit_split: str | None = None,
+    test_split: str | None = None,
+    image_size_px: tuple[int, ...] | None = None,
+    tolerance_mm: float = 2.0,
+    max_samples: int = 10_000,
+    seed: int = 0,
+) -> Calibration:
+    """Calibrate a probe from sightings of a needle or of wires.
+
+    Args:
+        observations: one point of the image against one line in the probe marker's frame a row.
+        model: "similarity", or "anisotropic" for a 2D probe whose pixels are not square in mm.
+        threshold_mm: rows further than this from their line are outliers (paper section 9).
+        fit_split: fit the rows of this split only; default: all but those of `test_split`.
+        test_split: report the error of this split's rows, which are not fitted.
+        image_size_px: (width, height[, depth]); predicted errors are quoted at this image's corners.
+            Default: the corners of the box that holds the points seen.
+        tolerance_mm: the predicted error (95 %) at a corner above which the answer comes with a warning.
+        max_samples: random minimal samples at the most.
+        seed: of the random samples; the same seed gives the same answer.
+
+    Returns:
+        The calibration.
+
+    Raises:
+        InputError: an option or a split is wrong, or rows are too few.
+        DegenerateGeometryError: the sightings leave a motion free.
+        NoConsensusError: no calibration agrees with enough rows.
+        UnsupportedError: the anisotropic model of a 3D probe.
+
+    Source: paper sections 5 to 9.
+    """
+    _check_options(model, threshold_mm, tolerance_mm, max_samples)
+    rows, held_out = _split(observations, fit_split, test_split)
+    _check_rows(rows, model)
+    area = _area(rows, image_size_px)
+    points, dimension = homogeneous_points(rows.points_px), rows.dimension
+    sightings = rows.sightings if dimension == 3 else np.zeros(len(rows), dtype=np.int64)
+
+    # A sighting geometry that leaves a motion free has no answer: refuse before fitting, and again once
+    # the outliers, which can hide it, are known.
+    refuse_degenerate_lines(points, rows.segments_mm, dimension)
+    fit = fit_point_lines(
+        points,
+        rows.segments_mm,
+        sightings,
+        dimension=dimension,
+        model=model,
+        threshold_mm=threshold_mm,
+        max_samples=max_samples,
+        seed=seed,
+    )
+    if not fit.inlier.all():
+        refuse_degenerate_lines(points[fit.inlier], rows.segments_mm[fit.inlier], dimension)
+    refuse_free_motion(fit.least_information)
+
+    agreeing = rows.select(fit.inlier)
+    groupings, stretch = _groupings(agreeing, fit)
+    noise = _noise(agreeing, fit, groupings)
+    diagnostics = [
+        *diagnose_fit(fit, threshold_mm),
+        *_diagnose_weakness(agreeing, fit, noise, area, tolerance_mm),
+        *diagnose_noise(noise, stretch),
+        *_diagnose_anisotropy(agreeing, fit, groupings),
+    ]
+    diagnostics.sort(key=lambda finding: finding.severity != "warning")
+    return Calibration(
+        probe_from_image=fit.transform,
+        model=model,
+        covariance=noise.covariance if np.all(np.isfinite(noise.covariance)) else None,
+        noise=noise,
+        area_px=area,
+        fit=ErrorStatistics.of(fit.residuals_mm[fit.inlier], len(rows), int(fit.inlier.sum())),
+        test=None if held_out is None else _test(held_out, fit.transform, threshold_mm),
+        residuals_mm=fit.residuals_mm,
+        inlier=fit.inlier,
+        diagnostics=tuple(diagnostics),
+        provenance={
+            "input": rows.source,
+            "sha256": rows.sha256,
+            "options": {
+                "model": model,
+                "threshold_mm": threshold_mm,
+                "fit_split": fit_split,
+                "test_split": test_split,
+                "image_size_px": list(image_size_px) if image_size_px else None,
+                "tolerance_mm": tolerance_mm,
+                "max_samples": max_samples,
+                "seed": seed,
+            },
+        },
+    )
+
+
+def area_places(area_px: Array) -> Array:
+    """Corners and centre (M, d) of an area given by its least and its greatest corner (2, d)."""
+    dimension = area_px.shape[1]
+    choice = np.indices((2,) * dimension).reshape(dimension, -1).T
+    corners = area_px[choice, np.arange(dimension)]
+    return np.vstack([corners, area_px.mean(axis=0)])
+
+
+def _split(
+    observations: Observations, fit_split: str | None, test_split: str | None
+) -> tuple[Observations, Observations | None]:
+    if test_split is not None and test_split == fit_split:
+        raise InputError(f"fit_split and test_split are both {fit_split!r}; held-out rows must not be fitted")
+    held_out = None if test_split is None else observations.select_split(test_split)
+    if fit_split is not None:
+        return observations.select_split(fit_split), held_out
+    if held_out is not None:
+        return observations.select(observations.split != test_split), held_out
+    return observations, None
+
+
+def _groupings(agreeing: Observations, fit: Fit) -> tuple[dict[str, NDArray[np.int64]], int]:
+    """What rows may share an error by: frame, needle or wire, stretch of frames; and a stretch's length."""
+    frame = group_codes(agreeing.split, agreeing.frame)
+    residuals = residual_vectors(fit.transform, homogeneous_points(agreeing.points_px), agreeing.segments_mm)
+    stretch = stretch_length(residuals, frame)
+    groupings = {"frame": frame, "target": group_codes(agreeing.target)}
+    if stretch > 1:
+        groupings["stretch"] = group_codes(agreeing.split, frame // stretch)
+    return groupings, stretch
+
+
+def _noise(agreeing: Observations, fit: Fit, groupings: dict[str, NDArray[np.int64]]) -> Noise:
+    points = homogeneous_points(agreeing.points_px)
+    return estimate_noise(fit.transform, points, agreeing.segments_mm, fit.unit_covariance, groupings)
+
+
+def _diagnose_weakness(
+    agreeing: Observations, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
+) -> Iterator[Diagnostic]:
+    if not np.all(np.isfinite(noise.covariance)):
+        return
+    corners = area_places(area)[:-1]
+    worst = float(radius_95(point_covariance(fit.transform, noise.covariance, corners)).max())
+    motion = weakest_motion(fit.transform, noise.covariance, corners)
+    yield from diagnose_weakness(motion, worst, tolerance_mm, segment_directions(agreeing.segments_mm))
+
+
+def _diagnose_anisotropy(
+    agreeing: Observations, fit: Fit, groupings: dict[str, NDArray[np.int64]]
+) -> Iterator[Diagnostic]:
+    """Fits the wider model too, and tests whether its two scales differ."""
+    if agreeing.dimension == 3 or len(fit.unit_covariance) == 8 or len(agreeing) <= MINIMAL_ROWS:
+        return
+    wider = refine_point_lines(
+        fit.transform,
+        homogeneous_points(agreeing.points_px),
+        agreeing.segments_mm,
+        np.ones(len(agreeing), dtype=bool),
+        dimension=2,
+        model="anisotropic",
+    )
+    yield from diagnose_anisotropy(wider.transform.scales, _noise(agreeing, wider, groupings).covariance)
+
+
+def _test(held_out: Observations, probe_from_image: AxisScaled, threshold_mm: float) -> ErrorStatistics:
+    vectors = residual_vectors(probe_from_image, homogeneous_points(held_out.points_px), held_out.segments_mm)
+    distances = np.linalg.norm(vectors, axis=1)
+    return ErrorStatistics.of(distances, len(held_out), int(np.sum(distances <= threshold_mm)))
+
+
+def _area(rows: Observations, image_size_px: tuple[int, ...] | None) -> Array:
+    if image_size_px is None:
+        return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])
+    size = np.asarray(image_size_px, dtype=float)
+    if size.shape != (rows.dimension,) or not np.all(size >= 1):
+        raise InputError(
+            f"image_size_px must be {rows.dimension} positive numbers for a {rows.dimension}D probe; "
+            f"got {image_size_px}"
+        )
+    return np.array([np.zeros(rows.dimension), size - 1])
+
+
+def _check_options(model: str, threshold_mm: float, tolerance_mm: float, max_samples: int) -> None:
+    if model not in MODELS:
+        raise InputError(f"model must be one of {', '.join(MODELS)}; got {model!r}")
+    for name, value in (
+        ("threshold_mm", threshold_mm),
+        ("tolerance_mm", tolerance_mm),
+        ("max_samples", max_samples),
+    ):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} must be a positive number; got {value}")
+
+
+def _check_rows(rows: Observations, model: Model) -> None:
+    if rows.dimension == 3 and model == "anisotropic":
+        raise UnsupportedError(
+            "the anisotropic model is for 2D probes; calibrate a 3D probe with the similarity model"
+        )
+    needed = MINIMAL_ROWS + (model == "anisotropic")
+    if len(rows) < needed:
+        raise InputError(
+            f"{rows.source}: has {len(rows)} rows to fit and the {model} model of a {rows.dimension}D probe needs "
+            f"at least {needed}; scan more needle poses, ten or more for an answer to rely on"
+        )
+    if rows.dimension == 3 and np.sum(np.bincount(rows.sightings) >= 2) < 2:
+        raise InputError(
+            f"{rows.source}: fewer than two sightings have two points; a 3D probe sees a needle as a line, so give "
+            "two or more rows with one frame and target, or leave out w_px for a 2D probe"
+        )

@@ -1,0 +1,193 @@
+"""What a user should know before trusting a calibration, in words, with the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from sonocal.geometry import Array
+from sonocal.registration.noise import Noise
+from sonocal.registration.robust import MINIMAL_ROWS, Fit
+from sonocal.registration.uncertainty import WeakMotion
+
+__all__ = [
+    "Diagnostic",
+    "describe_motion",
+    "diagnose_anisotropy",
+    "diagnose_fit",
+    "diagnose_noise",
+    "diagnose_weakness",
+]
+
+# Two-sided 95 % of a normal distribution, in standard deviations.
+NORMAL_95 = 1.96
+# Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
+LEAST_ANISOTROPY = 0.01
+SIGNIFICANT = 3.0
+MANY_OUTLIERS = 0.2
+# Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
+LARGE_DRIFT = 2.0
+
+
+class Diagnostic(msgspec.Struct, frozen=True):
+    """One finding.
+
+    Attributes:
+        code: short name, for programs.
+        severity: "warning" (read before use) or "info".
+        message: what was found, with numbers and units.
+        advice: what to do about it.
+    """
+
+    code: str
+    severity: Literal["warning", "info"]
+    message: str
+    advice: str
+
+
+def diagnose_weakness(
+    motion: WeakMotion, worst_mm: float, tolerance_mm: float, directions: Array
+) -> Iterator[Diagnostic]:
+    """The motion that the data hold least, when the predicted error exceeds what the user accepts."""
+    if worst_mm <= tolerance_mm:
+        return
+    angle = _cone_deg(directions)
+    if angle < 30:
+        cause = f"all needles lie within {angle:.0f} deg of one direction"
+        advice = "add sightings with the needle tilted by 30 deg or more, in two directions"
+    else:
+        cause = "the sightings hold it too loosely"
+        advice = "add sightings, above all near the image's corners and with other tilts"
+    yield Diagnostic(
+        code="weak-motion",
+        severity="warning",
+        message=(
+            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at an image corner, more than the "
+            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {cause}"
+        ),
+        advice=advice,
+    )
+
+
+def describe_motion(motion: WeakMotion) -> str:
+    """The motion in words, at 95 %: which turn, shift or growth, by how much, and what it does in mm."""
+    parts = {
+        motion.turn_rms_mm: (
+            f"rotation about {_axis(motion.turn_rad)}, known to "
+            f"+-{NORMAL_95 * np.degrees(np.linalg.norm(motion.turn_rad)):.2g} deg"
+        ),
+        motion.shift_rms_mm: (
+            f"shift along {_axis(motion.shift_mm)}, known to +-{NORMAL_95 * motion.shift_rms_mm:.2g} mm"
+        ),
+        motion.growth_rms_mm: f"scale, known to +-{NORMAL_95 * 100 * np.abs(motion.growth).max():.2g} %",
+    }
+    return f"{parts[max(parts)]} (it moves the corners by {NORMAL_95 * motion.rms_mm:.2g} mm)"
+
+
+def diagnose_anisotropy(scales: Array, covariance: Array) -> Iterator[Diagnostic]:
+    """Different mm/px along u and v, where the data show it.
+
+    Args:
+        scales: (3,), mm per px, of an anisotropic fit.
+        covariance: (8, 8), of its tangent.
+    """
+    ratio = float(np.log(scales[0] / scales[1]))
+    deviation = float(np.sqrt(covariance[6, 6] + covariance[7, 7] - 2 * covariance[6, 7]))
+    if not abs(ratio) > max(SIGNIFICANT * deviation, LEAST_ANISOTROPY):
+        return
+    yield Diagnostic(
+        code="anisotropic-scale",
+        severity="warning",
+        message=(
+            f"the residuals point to different mm/px in u and v: {scales[0]:.4f} and {scales[1]:.4f} mm/px, "
+            f"{100 * np.expm1(abs(ratio)):.1f} % apart (+-{100 * NORMAL_95 * deviation:.1f} %), "
+            "where the fitted model has one scale"
+        ),
+        advice=(
+            "for a linear probe or a resampled image, calibrate with the anisotropic model; "
+            "else check the pixels' aspect ratio"
+        ),
+    )
+
+
+def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
+    """Errors that rows share: they do not average out, and say that something is systematically off."""
+    drift = noise.shared_mm.get("stretch", 0.0)
+    if drift > LARGE_DRIFT * noise.row_mm:
+        yield Diagnostic(
+            code="drifting-residuals",
+            severity="warning",
+            message=(
+                f"frames share an error of {drift:.2f} mm that drifts over some {stretch_frames} frames, "
+                f"{drift / noise.row_mm:.0f} times the {noise.row_mm:.2f} mm of single rows: "
+                "neighbouring frames repeat one another's error"
+            ),
+            advice=(
+                "look for a time lag between image and tracker, a slipped marker, "
+                "or lines that are not where the file says"
+            ),
+        )
+    shared = {"target": "a needle or wire", "frame": "a frame"}
+    for name, what in shared.items():
+        if noise.shared_mm.get(name, 0.0) > 0.5 * noise.row_mm:
+            yield Diagnostic(
+                code=f"shared-{name}-error",
+                severity="info",
+                message=(
+                    f"rows of {what} share an error of {noise.shared_mm[name]:.2f} mm beside the "
+                    f"{noise.row_mm:.2f} mm of single rows; the predicted error counts it"
+                ),
+                advice="more rows of the same kind will not reduce it; more "
+                + ("needles or wires" if name == "target" else "frames")
+                + " will",
+            )
+
+
+def diagnose_fit(fit: Fit, threshold_mm: float) -> Iterator[Diagnostic]:
+    """Too few rows, too many that disagree, or a refinement that did not come to rest."""
+    rows, agreeing = len(fit.inlier), int(fit.inlier.sum())
+    if agreeing <= MINIMAL_ROWS:
+        yield Diagnostic(
+            code="no-redundancy",
+            severity="warning",
+            message=(
+                f"{agreeing} rows determine the calibration and none is left to check it; "
+                "no error can be predicted"
+            ),
+            advice="add sightings; ten well spread ones give a first idea of the error",
+        )
+    if rows - agreeing > MANY_OUTLIERS * rows:
+        yield Diagnostic(
+            code="many-outliers",
+            severity="warning",
+            message=(
+                f"{rows - agreeing} of {rows} rows are further than {threshold_mm:g} mm from their lines "
+                "and were left out"
+            ),
+            advice="look at the rows marked as outliers; check the detections and which needle each row belongs to",
+        )
+    if not fit.converged:
+        yield Diagnostic(
+            code="not-converged",
+            severity="warning",
+            message="the refinement did not come to rest; the answer may be off by more than predicted",
+            advice="add sightings with other tilts and places",
+        )
+
+
+def _axis(vector: Array) -> str:
+    names = ("the image's u axis", "the image's v axis", "the image's normal")
+    unit = vector / np.linalg.norm(vector)
+    strongest = int(np.argmax(np.abs(unit)))
+    if abs(unit[strongest]) > 0.9:
+        return names[strongest]
+    return "the image axis (" + ", ".join(f"{x:.1f}" for x in unit) + ") in (u, v, normal)"
+
+
+def _cone_deg(directions: Array) -> float:
+    """Half the opening of the cone about the principal direction that holds 95 % of the lines, degrees."""
+    principal = np.linalg.eigh(directions.T @ directions)[1][:, -1]
+    return float(np.degrees(np.arccos(np.quantile(np.clip(np.abs(directions @ principal), 0, 1), 0.05))))

@@ -1,0 +1,1 @@
+"""Similarity registration of points and lines; knows no ultrasound."""

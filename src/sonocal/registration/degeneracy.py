@@ -1,0 +1,117 @@
+"""Configurations that leave a motion free, recognised before a solver is asked (paper section 7)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sonocal.errors import DegenerateGeometryError, UnsupportedError
+from sonocal.geometry import Array, segment_directions
+
+__all__ = ["direction_spread", "refuse_degenerate_lines", "refuse_free_motion"]
+
+# Angles (rad) and lengths (relative to the scene) below which lines count as exactly parallel, meeting or
+# coplanar: at 100 mm they amount to 0.01 mm, which no tracker sees. Less exact cases are for the covariance.
+EXACT_ANGLE = 1e-4
+EXACT_LENGTH = 1e-5
+# Least eigenvalue of J'J a row, in coordinates of order one, below which a motion is free.
+FREE_INFORMATION = 1e-12
+
+
+def refuse_degenerate_lines(points: Array, segments_mm: Array, dimension: int) -> None:
+    """Raise if the sightings leave a motion free, whatever the calibration.
+
+    Args:
+        points: (N, 3), px.
+        segments_mm: (N, 2, 3).
+        dimension: 2 or 3, the probe's.
+
+    Raises:
+        DegenerateGeometryError: parallel lines, lines through one point, and in 2D coplanar lines or
+            image points on one line; the sentence says what is free and what to scan next.
+        UnsupportedError: coplanar lines of a 3D probe.
+
+    Source: paper section 7.
+    """
+    directions = segment_directions(segments_mm)
+    if direction_spread(directions) < EXACT_ANGLE:
+        raise DegenerateGeometryError(
+            f"all {len(points)} lines are parallel, so the image can slide along them; "
+            "tilt the needle between sightings, by 30 degrees or more",
+            code="parallel-lines",
+        )
+    size, _, thickness = _spread(segments_mm.reshape(-1, 3))
+    meeting, distance = _nearest_point(directions, segments_mm[:, 0])
+    if distance < EXACT_LENGTH * size:
+        x, y, z = meeting
+        raise DegenerateGeometryError(
+            f"all {len(points)} lines pass through one point, ({x:.3g}, {y:.3g}, {z:.3g}) mm in the probe "
+            "marker's frame, so the scale is free; move the needle sideways as well as turning it",
+            code="lines-through-one-point",
+        )
+    coplanar = thickness < EXACT_LENGTH * size
+    if dimension == 3 and coplanar:
+        raise UnsupportedError(
+            f"all {len(points)} lines lie in one plane, where every two of them meet and no pair determines "
+            "the calibration; lift the needle out of the plane in at least one sighting"
+        )
+    if dimension == 2:
+        _refuse_flat_image(points, coplanar)
+
+
+def refuse_free_motion(least_information: float) -> None:
+    """Raise if the fit's information matrix is singular, for whatever reason.
+
+    Raises:
+        DegenerateGeometryError: a motion of the image changes no distance.
+    """
+    if not least_information > FREE_INFORMATION:
+        raise DegenerateGeometryError(
+            "the rows that agree leave a motion of the image free; "
+            "scan the needle tilted by 30 degrees or more, and at places all over the image",
+            code="free-motion",
+        )
+
+
+def direction_spread(directions: Array) -> float:
+    """Root mean square angle (rad, small angles) of lines (N, 3) to their common direction."""
+    values = np.linalg.eigvalsh(directions.T @ directions / len(directions))
+    return float(np.sqrt(max(values[0] + values[1], 0.0)))
+
+
+def _refuse_flat_image(points: Array, coplanar: bool) -> None:
+    along, across, _ = _spread(points)
+    if along == 0:
+        raise DegenerateGeometryError(
+            f"all {len(points)} rows have the same image point, so the image can turn about it; "
+            "scan the needle at places all over the image",
+            code="one-image-point",
+        )
+    if not coplanar and across >= EXACT_LENGTH * along:
+        return
+    what = (
+        "lines lie in one plane, so their image points lie on one line"
+        if coplanar
+        else ("image points lie on one line")
+    )
+    raise DegenerateGeometryError(
+        f"all {len(points)} {what} and the image can turn about it; "
+        "scan the needle at places all over the image, with tilts in two directions",
+        code="coplanar-lines" if coplanar else "collinear-image-points",
+    )
+
+
+def _spread(points: Array) -> Array:
+    """Root mean square extents (3,) along the principal axes, largest first."""
+    centred = points - points.mean(axis=0)
+    squares = np.linalg.eigvalsh(centred.T @ centred)[::-1] / len(points)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+
+def _nearest_point(directions: Array, on_lines: Array) -> tuple[Array, float]:
+    """The point nearest to all lines, which are not all parallel, and its root mean square distance."""
+    centre = on_lines.mean(axis=0)
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    feet = np.einsum("nij,nj->ni", across, on_lines - centre)
+    nearest = np.linalg.solve(across.sum(axis=0), feet.sum(axis=0))
+    away = across @ nearest - feet
+    return nearest + centre, float(np.sqrt(np.mean(np.sum(away**2, axis=1))))

@@ -1,0 +1,1 @@
+"""Simulated sightings and recordings with known truth."""

@@ -1,0 +1,167 @@
+"""Paper section 7: each configuration recognised, wherever the marker is, and its neighbours not."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sonocal as sc
+from sonocal.geometry import homogeneous_points
+from tests.conftest import random_similarity
+
+seeds = st.integers(0, 5_000)
+TRUTH = random_similarity(11, scale=0.24)
+
+
+def scene(directions, points_px, marker):
+    """Noise-free rows: lines of these directions (image axes) through these image points."""
+    middle = TRUTH @ points_px
+    along = directions @ TRUTH.rotation.T * 50
+    segments = np.stack([middle - along, middle + 3 * along], axis=1)
+    return sc.Observations(np.asarray(points_px)[:, :2], marker @ segments)
+
+
+def image_points(rng, count=12):
+    return np.column_stack([rng.uniform(0, 500, (count, 2)), np.zeros(count)])
+
+
+def refused(rows):
+    with pytest.raises(sc.DegenerateGeometryError) as caught:
+        sc.calibrate(rows)
+    return caught.value
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+@given(seeds)
+def test_parallel_lines(seed):
+    rng, marker = np.random.default_rng(seed), random_similarity(seed, scale=1.0)
+    signs = rng.choice([-1, 1], (12, 1))
+    error = refused(scene(signs * unit(rng.normal(size=3)), image_points(rng), marker))
+    assert error.code == "parallel-lines"
+    assert str(error) == (
+        "all 12 lines are parallel, so the image can slide along them; "
+        "tilt the needle between sightings, by 30 degrees or more"
+    )
+
+
+@given(seeds)
+def test_lines_through_one_point(seed):
+    rng, marker = np.random.default_rng(seed), random_similarity(seed, scale=1.0)
+    points = image_points(rng)
+    apex = np.array([100.0, 250.0, rng.uniform(50, 400)])
+    error = refused(scene(unit(points - apex), points, marker))
+    assert error.code == "lines-through-one-point"
+    x, y, z = marker @ (TRUTH @ apex)
+    assert str(error) == (
+        f"all 12 lines pass through one point, ({x:.3g}, {y:.3g}, {z:.3g}) mm in the probe marker's frame, "
+        "so the scale is free; move the needle sideways as well as turning it"
+    )
+
+
+@given(seeds)
+def test_coplanar_lines_of_a_2d_probe(seed):
+    rng, marker = np.random.default_rng(seed), random_similarity(seed, scale=1.0)
+    points = np.column_stack([rng.uniform(0, 500, 12), np.full(12, 200.0), np.zeros(12)])
+    angle = rng.uniform(0.2, np.pi - 0.2, 12)
+    directions = np.column_stack([np.cos(angle), 0.3 * np.sin(angle), np.sin(angle)])
+    error = refused(scene(unit(directions), points, marker))
+    assert error.code == "coplanar-lines"
+    assert str(error) == (
+        "all 12 lines lie in one plane, so their image points lie on one line and the image can turn about it; "
+        "scan the needle at places all over the image, with tilts in two directions"
+    )
+
+
+@given(seeds)
+def test_image_points_on_one_line(seed):
+    rng, marker = np.random.default_rng(seed), random_similarity(seed, scale=1.0)
+    u = rng.uniform(0, 500, 12)
+    error = refused(scene(unit(rng.normal(size=(12, 3))), np.column_stack([u, 3 + 0.5 * u, 0 * u]), marker))
+    assert error.code == "collinear-image-points"
+    assert str(error) == (
+        "all 12 image points lie on one line and the image can turn about it; "
+        "scan the needle at places all over the image, with tilts in two directions"
+    )
+
+
+def test_one_image_point():
+    rng = np.random.default_rng(0)
+    directions, points = unit(rng.normal(size=(12, 3))), np.tile([100.0, 200, 0], (12, 1))
+    shifted = scene(directions, image_points(rng), random_similarity(0, scale=1.0))
+    error = refused(sc.Observations(points[:, :2], shifted.segments_mm))
+    assert error.code == "one-image-point"
+    assert str(error) == (
+        "all 12 rows have the same image point, so the image can turn about it; "
+        "scan the needle at places all over the image"
+    )
+
+
+def test_degeneracy_that_outliers_hide_is_refused_once_they_are_known():
+    rng = np.random.default_rng(1)
+    rows = scene(np.tile([0.1, 0.2, 0.97], (20, 1)), image_points(rng, 20), random_similarity(1, scale=1.0))
+    segments = rows.segments_mm.copy()
+    segments[:2] = rng.normal(size=(2, 2, 3)) * 100
+    with pytest.raises(sc.SonocalError) as caught:
+        sc.calibrate(sc.Observations(rows.points_px, segments))
+    assert isinstance(caught.value, sc.DegenerateGeometryError)
+
+
+def line_rows(image_ends, marker=None):
+    """3D rows: both ends of each image line (N, 2, 3), and longer needles through them."""
+    ends = TRUTH @ image_ends
+    along = ends[:, 1] - ends[:, 0]
+    segments = np.stack([ends[:, 0] - along, ends[:, 1] + along], axis=1)
+    frame = np.repeat(np.arange(len(image_ends)), 2)
+    marker = marker or random_similarity(2, scale=1.0)
+    return sc.Observations(image_ends.reshape(-1, 3), marker @ segments[frame], frame=frame)
+
+
+def test_parallel_lines_of_a_3d_probe():
+    starts = np.random.default_rng(2).uniform(0, 500, (6, 3))
+    assert (
+        refused(line_rows(np.stack([starts, starts + np.array([100, 50, 20])], axis=1))).code
+        == "parallel-lines"
+    )
+
+
+def test_lines_of_a_3d_probe_through_one_point():
+    starts = np.random.default_rng(2).uniform(0, 500, (6, 3))
+    ends = np.stack([starts, starts + 0.4 * ([250, 250, 250] - starts)], axis=1)
+    assert refused(line_rows(ends)).code == "lines-through-one-point"
+
+
+def test_coplanar_lines_of_a_3d_probe_are_said_to_be_unsupported():
+    ends = np.random.default_rng(2).uniform(0, 500, (6, 2, 3))
+    ends[..., 2] = 100
+    with pytest.raises(sc.UnsupportedError) as caught:
+        sc.calibrate(line_rows(ends))
+    assert str(caught.value) == (
+        "all 12 lines lie in one plane, where every two of them meet and no pair determines the calibration; "
+        "lift the needle out of the plane in at least one sighting"
+    )
+
+
+@pytest.mark.parametrize("tilt_deg", [1, 3, 10])
+def test_nearly_parallel_lines_are_answered_with_a_warning_in_proportion(tilt_deg):
+    rng = np.random.default_rng(5)
+    spread = np.tan(np.radians(tilt_deg))
+    directions = unit(np.array([0.1, 0.2, 1]) + spread * rng.normal(size=(40, 3)))
+    rows = scene(directions, image_points(rng, 40), random_similarity(5, scale=1.0))
+    noisy = sc.Observations(
+        rows.points_px + rng.normal(size=rows.points_px.shape),
+        rows.segments_mm + 0.3 * rng.normal(size=rows.segments_mm.shape),
+    )
+    found = sc.calibrate(noisy)
+    corners = homogeneous_points(found.predicted_errors()[0])
+    missed = np.linalg.norm(
+        found.probe_from_image @ corners - random_similarity(5, scale=1.0) @ (TRUTH @ corners), axis=1
+    )
+    assert np.all(missed < 2 * found.predicted_errors()[2])
+    warned = [d for d in found.warnings if d.code == "weak-motion"]
+    assert bool(warned) == (tilt_deg < 10)
+    if warned:
+        assert "all needles lie within" in warned[0].message
+        assert warned[0].advice == "add sightings with the needle tilted by 30 deg or more, in two directions"

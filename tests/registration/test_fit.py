@@ -1,0 +1,159 @@
+"""The fit against independent oracles: SciPy's optimiser and central differences."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from sonocal import AxisScaled, NoConsensusError
+from sonocal.geometry import homogeneous_points
+from sonocal.registration.noise import residual_vectors
+from sonocal.registration.refine import refine_point_lines
+from sonocal.registration.robust import fit_point_lines
+from sonocal.registration.uncertainty import point_jacobian
+from sonocal.simulation.scene import simulate_observations
+
+seeds = st.integers(0, 5_000)
+dimensions = st.sampled_from([2, 3])
+
+
+def fit(rows, **options):
+    return fit_point_lines(
+        homogeneous_points(rows.points_px),
+        rows.segments_mm,
+        rows.sightings,
+        dimension=rows.dimension,
+        **options,
+    )
+
+
+def retract(transform, step):
+    moved = transform_similarity(transform).retract(np.r_[step[:6], 0.0])
+    growth = np.exp([step[6], step[-1], (step[6] + step[-1]) / 2])
+    return AxisScaled(moved.rotation, moved.translation, transform.scales * growth)
+
+
+def transform_similarity(transform):
+    from sonocal import Similarity
+
+    return Similarity(transform.rotation, transform.translation, transform.scales[0])
+
+
+def residuals(rows, transform):
+    return residual_vectors(transform, homogeneous_points(rows.points_px), rows.segments_mm).ravel()
+
+
+def numeric_jacobian(function, parameters, step=1e-6):
+    columns = [(function(step * e) - function(-step * e)) / (2 * step) for e in np.eye(parameters)]
+    return np.stack(columns, axis=-1)
+
+
+@given(seeds, dimensions, st.sampled_from(["similarity", "anisotropic"]))
+def test_unit_covariance_is_the_inverse_of_jacobian_squared_by_differences(seed, dimension, model):
+    if dimension == 3:
+        model = "similarity"
+    rows = simulate_observations(dimension, 12, seed=seed).observations
+    found = fit(rows, model=model)
+    parameters = len(found.unit_covariance)
+    jacobian = numeric_jacobian(lambda d: residuals(rows, retract(found.transform, d)), parameters)
+    product = found.unit_covariance @ jacobian.T @ jacobian
+    np.testing.assert_allclose(product, np.eye(parameters), atol=2e-4)
+
+
+@given(seeds, st.sampled_from([7, 8]))
+def test_point_jacobian_by_differences(seed, parameters):
+    rng = np.random.default_rng(seed)
+    scene = simulate_observations(3, 4, seed=seed)
+    points = rng.uniform(0, 500, (5, 3))
+    if parameters == 8:
+        points[:, 2] = 0
+    numeric = numeric_jacobian(lambda d: retract(scene.probe_from_image, d) @ points, parameters)
+    np.testing.assert_allclose(point_jacobian(scene.probe_from_image, points, parameters), numeric, atol=1e-4)
+
+
+@given(seeds, dimensions)
+def test_no_small_motion_lowers_the_cost(seed, dimension):
+    rows = simulate_observations(dimension, 12, seed=seed).observations
+    found = fit(rows)
+    gradient = numeric_jacobian(lambda d: np.sum(residuals(rows, retract(found.transform, d)) ** 2), 7)
+    assert found.converged
+    np.testing.assert_allclose(gradient, 0, atol=1e-2)  # mm^2 a rad, mm or unit: the cost is some 20 mm^2
+
+
+@given(seeds, dimensions)
+def test_scipy_finds_no_lower_cost(seed, dimension):
+    rows = simulate_observations(dimension, 12, seed=seed).observations
+    found = fit(rows)
+    other = least_squares(lambda d: residuals(rows, retract(found.transform, d)), np.zeros(7), method="lm")
+    assert np.sum(found.residuals_mm**2) <= 2 * other.cost * (1 + 1e-9)
+    np.testing.assert_allclose(found.residuals_mm**2, (other.fun.reshape(-1, 3) ** 2).sum(1), atol=1e-5)
+
+
+@given(seeds, dimensions)
+def test_refinement_from_a_disturbed_start_returns_to_the_fit(seed, dimension):
+    rows = simulate_observations(dimension, 12, seed=seed).observations
+    found = fit(rows)
+    step = np.random.default_rng(seed).normal(size=7) * [0.03, 0.03, 0.03, 3, 3, 3, 0.03]
+    again = refine_point_lines(
+        retract(found.transform, step),
+        homogeneous_points(rows.points_px),
+        rows.segments_mm,
+        np.ones(len(rows), dtype=bool),
+        dimension=dimension,
+    )
+    assert again.converged
+    np.testing.assert_allclose(again.transform.matrix, found.transform.matrix, atol=1e-6)
+
+
+@given(seeds)
+def test_the_anisotropic_model_finds_different_scales(seed):
+    scene = simulate_observations(2, 30, sigma_px=0, sigma_mm=0, seed=seed)
+    rows = scene.observations
+    stretched = fit(
+        type(rows)(points_px=rows.points_px * [1.0, 0.9], segments_mm=rows.segments_mm), model="anisotropic"
+    )
+    np.testing.assert_allclose(stretched.transform.scales[:2], [0.24, 0.24 / 0.9], rtol=1e-6)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("share", [0.2, 0.4, 0.6])
+def test_gross_outliers_are_left_out_and_the_rest_fitted(dimension, share):
+    for seed in range(20):
+        scene = simulate_observations(dimension, 40, outlier_share=share, seed=seed)
+        found = fit(scene.observations)
+        assert found.inlier[~scene.outlier].mean() > 0.95
+        error = found.transform @ [[250.0, 250, 0]] - scene.probe_from_image @ [[250.0, 250, 0]]
+        assert np.linalg.norm(error) < 3
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_same_seed_gives_the_same_bits(dimension):
+    rows = simulate_observations(dimension, 60, outlier_share=0.5, seed=4).observations
+    first, second = fit(rows, seed=7), fit(rows, seed=7)
+    np.testing.assert_array_equal(first.transform.matrix, second.transform.matrix)
+    assert first.samples == second.samples
+
+
+def test_all_combinations_are_tried_where_they_are_few():
+    rows = simulate_observations(2, 9, seed=0).observations
+    assert fit(rows).samples == 126  # 9 choose 4
+    rows = simulate_observations(3, 9, seed=0).observations
+    assert fit(rows).samples == 36  # 9 choose 2
+
+
+def test_no_consensus_says_how_many_rows_agreed_at_best():
+    rng = np.random.default_rng(0)
+    rows = simulate_observations(2, 6, seed=0).observations
+    nonsense = rng.normal(size=(6, 2, 3)) * 1e4
+    with pytest.raises(NoConsensusError) as caught:
+        fit_point_lines(
+            homogeneous_points(rows.points_px), nonsense, rows.sightings, dimension=2, threshold_mm=0.01
+        )
+    best = caught.value.best_count
+    assert best <= 4
+    assert str(caught.value) == (
+        f"no calibration brings more than {best} of 6 rows within 0.01 mm of their lines, and any 4 rows can be "
+        "fitted; check that rows are matched to the right needle poses and that segments are in the probe marker's "
+        "frame in mm"
+    )

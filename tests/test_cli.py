@@ -1,0 +1,181 @@
+"""The command line, in process and as a real one."""
+
+import json
+import os
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import sonocal as sc
+from sonocal.cli import main
+from sonocal.simulation.scene import simulate_observations
+
+
+def run(*arguments, width=80):
+    return CliRunner(env={"COLUMNS": str(width), "TERM": "dumb"}).invoke(main, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def table(tmp_path):
+    path = tmp_path / "needle.csv"
+    sc.write_observations(simulate_observations(2, 30, seed=5).observations, path)
+    return path
+
+
+@pytest.fixture
+def calibrated(table, tmp_path):
+    result = run("calibrate", table, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    return tmp_path / "out" / "calibration.json"
+
+
+def test_calibrate_writes_what_python_computes(table, calibrated):
+    expected = sc.calibrate(sc.read_observations(table))
+    np.testing.assert_array_equal(
+        sc.load(calibrated).probe_from_image.matrix, expected.probe_from_image.matrix
+    )
+    provenance = json.loads(calibrated.read_text())["provenance"]
+    assert provenance["input"] == "needle.csv"
+    assert len(provenance["sha256"]) == 64
+    assert provenance["options"]["threshold_mm"] == 5.0
+    assert provenance["versions"]["sonocal"] == sc.__version__
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_tables_fit_the_terminal_and_say_what_to_trust_first(table, tmp_path, width):
+    result = run("calibrate", table, "-o", tmp_path / "out", width=width)
+    lines = result.output.splitlines()
+    assert max(len(line) for line in lines if not line.startswith("Wrote")) <= width
+    assert lines[0].startswith("Sound: expect errors up to ")
+    for words in ("fitted rows", "corner", "probe_from_image (PLUS: ImageToProbe)", "mm/px", "Wrote"):
+        assert words in result.output
+    assert "…" not in result.output
+
+
+def test_warnings_come_first(tmp_path):
+    rows = simulate_observations(2, 30, outlier_share=0.4, seed=5).observations
+    sc.write_observations(rows, tmp_path / "a.csv")
+    result = run("calibrate", tmp_path / "a.csv", "-o", tmp_path / "out")
+    assert result.output.startswith("warning many-outliers\n  11 of 30 rows are further than 5 mm")
+    assert "Use with care" in result.output
+
+
+def test_json_is_the_calibration_on_stdout_and_nothing_else(table, tmp_path):
+    result = run("calibrate", table, "-o", tmp_path / "out", "--json")
+    assert json.loads(result.stdout) == json.loads((tmp_path / "out" / "calibration.json").read_text())
+
+
+def test_plus_export_holds_the_calibration(calibrated, tmp_path):
+    result = run("export", calibrated, "--to", "plus", "-o", tmp_path / "plus.xml")
+    assert result.exit_code == 0
+    transform = ElementTree.parse(tmp_path / "plus.xml").find(".//Transform[@From='Image'][@To='Probe']")
+    matrix = np.array([float(x) for x in transform.get("Matrix").split()]).reshape(4, 4)
+    np.testing.assert_array_equal(matrix, sc.load(calibrated).probe_from_image.matrix)
+
+
+def test_json_export_is_a_calibration_again(calibrated, tmp_path):
+    run("export", calibrated, "--to", "json", "-o", tmp_path / "again.json")
+    np.testing.assert_array_equal(
+        sc.load(tmp_path / "again.json").probe_from_image.matrix, sc.load(calibrated).probe_from_image.matrix
+    )
+
+
+def test_info_shows_a_table_and_a_calibration(table, calibrated):
+    shown = run("info", table)
+    assert shown.exit_code == 0
+    assert "needle.csv: sightings for a 2D probe" in shown.output
+    shown = run("info", calibrated)
+    assert shown.exit_code == 0
+    assert "probe_from_image" in shown.output
+
+
+@pytest.mark.parametrize("dimension", ["2", "3"])
+def test_demo_shows_the_error_against_the_truth(tmp_path, dimension):
+    result = run("demo", "-o", tmp_path / "demo", "--dimension", dimension)
+    assert result.exit_code == 0, result.output
+    assert "Error against the known truth" in result.output
+    again = run("calibrate", tmp_path / "demo" / "observations.csv", "-o", tmp_path / "again", "--image-size",
+                "500x500" if dimension == "2" else "500x500x500")  # fmt: skip
+    assert again.exit_code == 0
+    np.testing.assert_array_equal(
+        sc.load(tmp_path / "again" / "calibration.json").probe_from_image.matrix,
+        sc.load(tmp_path / "demo" / "calibration.json").probe_from_image.matrix,
+    )
+
+
+def test_a_known_failure_is_one_sentence_exit_1_and_writes_nothing(tmp_path):
+    (tmp_path / "bad.csv").write_text("frame,target\n0,a\n")
+    result = run("calibrate", tmp_path / "bad.csv", "-o", tmp_path / "out")
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr.startswith("Error: bad.csv, line 1: lacks the columns u_px, v_px, ")
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["calibrate", "nowhere.csv"], 1, "Error: nowhere.csv: there is no such file"),
+        (["calibrate", "."], 1, "Error: .: is a directory"),
+        (["calibrate", "a.csv", "--treshold-mm", "3"], 2, "No such option"),
+        (["calibrate", "a.csv", "--image-size", "big"], 2, "'big' is not a size such as 640x480"),
+        (["export", "a.json", "--to", "stl", "-o", "b"], 2, "'stl' is not one of 'plus', 'json'"),
+        (["info", "nowhere"], 1, "Error: nowhere: there is no such file"),
+    ],
+)
+def test_failures_and_wrong_usage_have_their_own_status(arguments, status, words):
+    result = run(*arguments)
+    assert result.exit_code == status
+    assert words in result.stderr
+
+
+def test_output_that_cannot_be_written_is_said(table, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    result = run("calibrate", table, "-o", tmp_path / "file")
+    assert result.exit_code == 1
+    assert (
+        result.stderr
+        == f"Error: {tmp_path / 'file'}: cannot be made a folder (File exists); choose another place\n"
+    )
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+def test_info_of_something_else_says_what_it_reads(tmp_path):
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG\0")
+    result = run("info", tmp_path / "picture.png")
+    assert result.exit_code == 1
+    assert result.stderr.startswith(
+        "Error: picture.png: is neither a calibration (JSON) nor a table of sightings (CSV): "
+    )
+
+
+def test_a_real_process_calibrates_and_refuses(table, tmp_path):
+    environment = os.environ | {"COLUMNS": "80"}
+
+    def process(*arguments):
+        command = [sys.executable, "-m", "sonocal", *map(str, arguments)]
+        return subprocess.run(
+            command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False
+        )
+
+    done = process("calibrate", table)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "Wrote calibration/calibration.json" in done.stdout
+    assert (tmp_path / "calibration" / "calibration.json").exists()
+    refused = process("calibrate", "no.csv")
+    assert (refused.returncode, refused.stdout) == (1, "")
+    assert refused.stderr == "Error: no.csv: there is no such file; check the name and the folder\n"
+    assert process("--version").stdout == f"sonocal, version {sc.__version__}\n"
+
+
+def test_a_bug_keeps_its_traceback(monkeypatch, table):
+    def broken(*_, **__):
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(sc, "calibrate", broken)
+    assert isinstance(run("calibrate", table).exception, RuntimeError)

@@ -1,0 +1,43 @@
+"""The public face: names, version, and what importing it costs."""
+
+import subprocess
+import sys
+from importlib.metadata import version
+
+import sonocal as sc
+
+PUBLIC = [
+    "AxisScaled", "Calibration", "DegenerateGeometryError", "ErrorStatistics", "FormatError", "InputError",
+    "NoConsensusError", "Observations", "Similarity", "SonocalError", "UnsupportedError", "__version__",
+    "calibrate", "load", "read_observations", "write_observations",
+]  # fmt: skip
+
+
+def test_the_exported_names_are_these():
+    assert sorted(sc.__all__) == sorted(PUBLIC)
+    assert all(hasattr(sc, name) for name in PUBLIC)
+
+
+def test_the_version_comes_from_one_place():
+    assert version("sonocal") == sc.__version__
+
+
+def test_importing_loads_nothing_heavy():
+    code = (
+        "import sys, sonocal; print([m for m in ('scipy', 'rich', 'click', 'matplotlib', 'hypothesis') "
+        "if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_error_is_a_sonocal_error():
+    errors = [
+        sc.InputError,
+        sc.FormatError,
+        sc.DegenerateGeometryError,
+        sc.NoConsensusError,
+        sc.UnsupportedError,
+    ]
+    assert all(issubclass(error, sc.SonocalError) for error in errors)
+    assert issubclass(sc.FormatError, sc.InputError)

@@ -1,0 +1,36 @@
+"""Recorded sets: what PLUS segmented in its own regression data."""
+
+import pytest
+
+import sonocal as sc
+
+
+def calibrated(data_folder, name, **options):
+    rows = sc.read_observations(data_folder / "observations" / f"{name}.csv")
+    return sc.calibrate(rows, fit_split="calibration", test_split="validation", **options)
+
+
+def test_depth15_is_fitted_better_than_plus_fits_it(data_folder):
+    found = calibrated(data_folder, "depth15_polaris")
+    assert found.test.rms_mm <= 0.518  # PLUS's own matrix
+    assert found.fit.rms_mm <= 0.385
+    assert found.probe_from_image.scale == pytest.approx(0.2844, abs=0.0005)
+    assert not found.warnings
+
+
+def test_fcal12_is_said_to_have_unequal_pixels(data_folder):
+    found = calibrated(data_folder, "fcal12_ascension")
+    assert [d.code for d in found.warnings] == ["anisotropic-scale"]
+    assert "0.0787 and 0.0738 mm/px, 6.7 % apart" in found.warnings[0].message
+    wider = calibrated(data_folder, "fcal12_ascension", model="anisotropic")
+    assert wider.probe_from_image.scales[:2] == pytest.approx([0.0782, 0.0736], abs=6e-4)
+    assert wider.test.rms_mm < found.test.rms_mm
+
+
+def test_trus_is_not_presented_as_sound(data_folder):
+    found = calibrated(data_folder, "trus_3nwires")
+    weak = next(d for d in found.warnings if d.code == "weak-motion")
+    assert "loosest is rotation about" in weak.message
+    assert "all needles lie within 15 deg of one direction" in weak.message
+    assert found.predicted_errors()[2][:4].min() > 2
+    assert "drifting-residuals" in [d.code for d in found.warnings]
