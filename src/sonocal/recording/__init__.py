@@ -17,7 +17,14 @@ from sonocal.recording.pivot import PivotCalibration, calibrate_pivot
 from sonocal.recording.reading import read_recording, write_recording
 from sonocal.recording.signals import bottom_line_signal
 from sonocal.recording.spin import SpinCalibration, calibrate_spin
-from sonocal.recording.timing import Lag, estimate_latency, interpolate_poses, join, motion_signal, with_latency
+from sonocal.recording.timing import (
+    Lag,
+    estimate_latency,
+    interpolate_poses,
+    join,
+    motion_signal,
+    with_latency,
+)
 
 __all__ = [
     "ArrayFrames",

@@ -88,7 +88,7 @@ class ArrayFrames(Frames):
 
     def read(self, index: int) -> Image:
         """Frame `index`."""
-        return self._array[index]
+        return np.asarray(self._array[index])
 
 
 class RawFrames(Frames):

@@ -16,7 +16,9 @@ from sonocal.recording.files import file_size, read_at
 from sonocal.recording.frames import Frames, Image, as_frame, check_frame_size
 
 try:  # zlib-ng inflates several times faster; the standard library's gives the same bytes
-    from zlib_ng import zlib_ng as _zlib
+    from zlib_ng import zlib_ng
+
+    _zlib: Any = zlib_ng
 except ImportError:  # pragma: no cover - depends on the installation
     _zlib = zlib
 
@@ -62,7 +64,7 @@ class InflatedFrames(Frames):
         FormatError: the stream is shorter than stated, or cannot hold that many pixels.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0917 - what a stream is, in the order of `RawFrames`
         self,
         path: Path,
         offset: int,
@@ -70,7 +72,7 @@ class InflatedFrames(Frames):
         count: int,
         shape: tuple[int, ...],
         dtype: np.dtype[Any],
-        wrapper: int = ZLIB,
+        wrapper: int,
     ) -> None:
         self._path, self._count, self._wrapper = path, count, wrapper
         self.shape, self.dtype, self._stored = shape, dtype.newbyteorder("="), dtype

@@ -163,7 +163,7 @@ class Recording:
     frames: Frames = field(default_factory=no_frames)
     poses: Mapping[str, Poses] = field(default_factory=dict)
     image: ImageGeometry | None = None
-    image_valid: Mask = field(default=None)  # type: ignore[assignment]
+    image_valid: Mask = field(default=None)  # type: ignore[arg-type]
     fields: Mapping[str, str] = field(default_factory=dict)
     item_fields: Mapping[str, tuple[str | None, ...]] = field(default_factory=dict)
     provenance: Provenance = Provenance()

@@ -95,7 +95,8 @@ def calibrate_pivot(
     distance = np.linalg.norm(residuals, axis=1)
     if agrees.sum() < max(MINIMAL_POSES + 1, len(agrees) / 2):
         raise NoConsensusError(
-            f"{source}: only {agrees.sum()} of {len(agrees)} poses share a tip; did it rest in one place?", int(agrees.sum())
+            f"{source}: only {agrees.sum()} of {len(agrees)} poses share a tip; did it rest in one place?",
+            int(agrees.sum()),
         )
     spread = rotation_spread_deg(rotations[agrees])
     _refuse_little_tilt(rotations[agrees], spread, source)
@@ -104,7 +105,14 @@ def calibrate_pivot(
     rms = float(np.sqrt(np.mean(distance[agrees] ** 2)))
     covariance = _covariance(rotations[agrees], residuals[agrees])
     tip, pivot = solution[:3], solution[3:]
-    findings = _findings(rotations[agrees], residuals[agrees], rms, float(agrees.mean()), spread, covariance)
+    findings = _findings(
+        rotations[agrees],
+        residuals[agrees],
+        rms=rms,
+        agreeing=float(agrees.mean()),
+        spread=spread,
+        covariance=covariance,
+    )
     return PivotCalibration(
         tip, pivot, covariance, rms, float(distance[agrees].max()), inlier, spread, tuple(findings)
     )
@@ -128,7 +136,9 @@ def checked_poses(poses: ArrayLike, valid: ArrayLike | None, source: str) -> tup
     if valid is not None:
         used &= np.asarray(valid, dtype=bool)
     if used.sum() < LEAST_POSES:
-        raise InputError(f"{source}: has {used.sum()} valid poses; a tool calibration needs {LEAST_POSES}, better 200")
+        raise InputError(
+            f"{source}: has {used.sum()} valid poses; a tool calibration needs {LEAST_POSES}, better 200"
+        )
     bent = used & ~(rigidity_error(array) <= RIGID_TOLERANCE)
     if bent.any():
         i = int(np.flatnonzero(bent)[0])
@@ -199,7 +209,9 @@ def _reweighted(rotations: Array, places: Array, solution: Array) -> tuple[Array
     return solution, sigma
 
 
-def _settled(rotations: Array, places: Array, solution: Array, sigma: float) -> tuple[Array, NDArray[np.bool_]]:
+def _settled(
+    rotations: Array, places: Array, solution: Array, sigma: float
+) -> tuple[Array, NDArray[np.bool_]]:
     """Least squares over the poses within the cut, which follows from them, until the set is at rest.
 
     Clean recordings have flat tails, not outliers: all of them count then, and nothing is lost to the weights.
@@ -225,7 +237,8 @@ def _solve(rotations: Array, places: Array, weight: Array) -> Array:
     """(6,): tip and pivot of ``R_i tip - pivot = -t_i`` in weighted least squares."""
     root = np.sqrt(weight)[:, None, None]
     system = np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2) * root
-    return np.linalg.lstsq(system.reshape(-1, 6), -(places * root[..., 0]).reshape(-1), rcond=None)[0]
+    target = -(places * root[..., 0]).reshape(-1)
+    return np.asarray(np.linalg.lstsq(system.reshape(-1, 6), target, rcond=None)[0])
 
 
 def _residuals(rotations: Array, places: Array, solution: Array) -> Array:
@@ -252,7 +265,7 @@ def _covariance(rotations: Array, residuals: Array) -> Array:
 
 
 def _findings(
-    rotations: Array, residuals: Array, rms: float, agreeing: float, spread: float, covariance: Array
+    rotations: Array, residuals: Array, *, rms: float, agreeing: float, spread: float, covariance: Array
 ) -> Iterator[Diagnostic]:
     if spread < GOOD_SPREAD_DEG:
         deviation = float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))

@@ -59,7 +59,9 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     elif suffix == ".nrrd":
         write_nrrd(recording, path, compress)
     else:
-        raise UnsupportedError(f"{path}: recordings are written as .mha, .mhd or .nrrd; choose one of these names")
+        raise UnsupportedError(
+            f"{path}: recordings are written as .mha, .mhd or .nrrd; choose one of these names"
+        )
 
 
 def _read_file(path: Path) -> Recording:
@@ -78,7 +80,9 @@ def _read_file(path: Path) -> Recording:
 def _read_text_file(path: Path, head: bytes) -> Recording:
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if start.startswith(b"<"):
-        raise UnsupportedError(f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines")
+        raise UnsupportedError(
+            f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines"
+        )
     if path.suffix.lower() in (".mha", ".mhd") or re.match(rb"\w+[ \t]*=", start):
         return read_metaio(path)
     if path.suffix.lower() in (".csv", ".txt") or start.startswith(b"Format Version"):

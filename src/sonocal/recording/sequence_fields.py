@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -98,11 +99,11 @@ def item_lines(recording: Recording) -> Iterator[tuple[str, str]]:
     for i in range(len(recording)):
         prefix = f"{PREFIX}{i:0{width}d}_"
         for one, matrices in zip(poses, rows, strict=True):
-            if any(x == x for x in matrices[i]):  # an item without the pose has NaN throughout
+            if not all(map(math.isnan, matrices[i])):  # an item without the pose has NaN throughout
                 yield f"{prefix}{one.plus_name}Transform", " ".join(map(repr, matrices[i]))
             if (status := _status(one, i)) is not None:
                 yield f"{prefix}{one.plus_name}TransformStatus", status
-        if stamps[i] == stamps[i]:
+        if not math.isnan(stamps[i]):
             yield f"{prefix}Timestamp", repr(stamps[i])
         for name, column in recording.item_fields.items():
             if (text := column[i]) is not None:

@@ -124,12 +124,14 @@ class _Guarded:
             raise self._sentence(error) from None
 
     def _sentence(self, error: Exception) -> FormatError:
-        return FormatError(f"{self._path.name}: cannot be decoded as video ({str(error)[:80]}); convert it to .mp4")
+        return FormatError(
+            f"{self._path.name}: cannot be decoded as video ({str(error)[:80]}); convert it to .mp4"
+        )
 
 
 def _pyav(path: Path) -> Any:
     try:
-        import av  # noqa: PLC0415 - 30 MB that only videos need
+        import av
     except ImportError:
         raise UnsupportedError(f"{path.name}: videos need PyAV; pip install 'sonocal[io]'") from None
     av.logging.set_level(None)
