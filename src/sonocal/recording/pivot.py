@@ -25,7 +25,7 @@ __all__ = ["PivotCalibration", "calibrate_pivot", "rotation_spread_deg"]
 
 MINIMAL_POSES = 3
 LEAST_POSES = 10
-TRIALS = 500
+TRIALS = 300
 # Spread of the tool's directions about the axis it turned most around, degrees rms. Below the first the
 # tip cannot be told from its neighbours along that axis; below the second its error is large.
 LEAST_SPREAD_DEG = 2.0
@@ -33,6 +33,8 @@ GOOD_SPREAD_DEG = 10.0
 STILL_DEG = 1.0
 GOOD_RMS_MM = 1.0
 GOOD_INLIERS = 0.7
+# A tip that half of the poses miss by more than this did not rest anywhere.
+LOOSEST_MM = 5.0
 TUKEY = 4.685
 # Distances beyond this many deviations per coordinate are no noise: 1 in 10 000 of a normal distribution in space.
 CUT = 4.6
@@ -93,11 +95,7 @@ def calibrate_pivot(
     solution, agrees = _settled(rotations, places, *_reweighted(rotations, places, start))
     residuals = _residuals(rotations, places, solution)
     distance = np.linalg.norm(residuals, axis=1)
-    if agrees.sum() < max(MINIMAL_POSES + 1, len(agrees) / 2):
-        raise NoConsensusError(
-            f"{source}: only {agrees.sum()} of {len(agrees)} poses share a tip; did it rest in one place?",
-            int(agrees.sum()),
-        )
+    _refuse_discord(distance, source)
     spread = rotation_spread_deg(rotations[agrees])
     _refuse_little_tilt(rotations[agrees], spread, source)
     inlier = np.zeros(len(poses), dtype=bool)
@@ -165,6 +163,16 @@ def _refuse_still(rotations: Array, source: str) -> None:
         )
 
 
+def _refuse_discord(distance: Array, source: str) -> None:
+    close = int((distance <= LOOSEST_MM).sum())
+    if 2 * close < len(distance):
+        raise NoConsensusError(
+            f"{source}: only {close} of {len(distance)} poses share a tip within {LOOSEST_MM:g} mm; "
+            "rest the tip in one divot throughout",
+            close,
+        )
+
+
 def _refuse_little_tilt(rotations: Array, spread: float, source: str) -> None:
     if spread < LEAST_SPREAD_DEG:
         axis = ", ".join(f"{x:.2f}" for x in _tip_information(rotations)[1][:, 0])
@@ -177,21 +185,19 @@ def _refuse_little_tilt(rotations: Array, spread: float, source: str) -> None:
 
 def _least_median(rotations: Array, places: Array, rng: np.random.Generator, source: str) -> Array:
     """The tip and pivot of the triple of poses whose median residual over all poses is least."""
-    n = len(rotations)
-    best, best_score = None, np.inf
-    for _ in range(TRIALS):
-        pick = rng.choice(n, MINIMAL_POSES, replace=False)
-        # Poses that hardly differ say nothing of the tip; their solution would be noise.
-        if rotation_spread_deg(rotations[pick]) < LEAST_SPREAD_DEG / 2:
-            continue
-        solution = _solve(rotations[pick], places[pick], np.ones(MINIMAL_POSES))
-        score = float(np.median(np.sum(_residuals(rotations, places, solution) ** 2, axis=1)))
-        if score < best_score:
-            best, best_score = solution, score
-    if best is None:
+    picks = np.argsort(rng.random((TRIALS, len(rotations))), axis=1)[:, :MINIMAL_POSES]
+    means = rotations[picks].mean(axis=1)
+    smallest = np.linalg.eigvalsh(np.eye(3) - np.swapaxes(means, 1, 2) @ means)[:, 0]
+    # Poses that hardly differ say nothing of the tip; their solution would be noise.
+    telling = picks[smallest > np.radians(LEAST_SPREAD_DEG / 2) ** 2]
+    if len(telling) == 0:
         _refuse_little_tilt(rotations, 0.0, source)
-        raise AssertionError
-    return best
+    system = _system(rotations)[telling].reshape(-1, 3 * MINIMAL_POSES, 6)
+    target = -places[telling].reshape(-1, 3 * MINIMAL_POSES, 1)
+    solutions = (np.linalg.pinv(system) @ target)[..., 0]
+    residuals = np.einsum("nij,tj->tni", rotations, solutions[:, :3]) + places - solutions[:, None, 3:]
+    scores = np.median(np.sum(residuals**2, axis=2), axis=1)
+    return np.asarray(solutions[np.argmin(scores)])
 
 
 def _reweighted(rotations: Array, places: Array, solution: Array) -> tuple[Array, float]:
@@ -236,9 +242,14 @@ def _robust_sigma(residuals: Array) -> float:
 def _solve(rotations: Array, places: Array, weight: Array) -> Array:
     """(6,): tip and pivot of ``R_i tip - pivot = -t_i`` in weighted least squares."""
     root = np.sqrt(weight)[:, None, None]
-    system = np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2) * root
+    system = _system(rotations) * root
     target = -(places * root[..., 0]).reshape(-1)
     return np.asarray(np.linalg.lstsq(system.reshape(-1, 6), target, rcond=None)[0])
+
+
+def _system(rotations: Array) -> Array:
+    """(N, 3, 6): the rows of one pose."""
+    return np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2)
 
 
 def _residuals(rotations: Array, places: Array, solution: Array) -> Array:
@@ -251,7 +262,7 @@ def _covariance(rotations: Array, residuals: Array) -> Array:
     Neighbouring poses share their error (a marker seen at one angle), so counting each as a measurement of
     its own promises far too much.
     """
-    jacobian = np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2)
+    jacobian = _system(rotations)
     n = len(jacobian)
     bread = np.linalg.inv(np.einsum("nij,nik->jk", jacobian, jacobian))
     white = bread * float(np.sum(residuals**2)) / max(3 * n - 6, 1)
