@@ -106,5 +106,6 @@ def test_points_are_read_from_a_table(tmp_path):
     with pytest.raises(InputError) as caught:
         read_detections(tmp_path / "p.csv")
     assert str(caught.value) == (
-        "p.csv, line 1: lacks the column v_px; a table of points has frame, u_px, v_px and perhaps w_px, target, sigma_px"
+        "p.csv, line 1: lacks the column v_px; "
+        "a table of points has frame, u_px, v_px and perhaps w_px, target, sigma_px"
     )

@@ -174,7 +174,8 @@ def test_big_endian_pixels_are_turned(tmp_path):
     header = "ObjectType = Image\nNDims = 3\nBinaryDataByteOrderMSB = True\nDimSize = 3 2 2\nElementType = MET_USHORT\n"
     header += "Seq_Frame0000_Timestamp = 0\nSeq_Frame0001_Timestamp = 1\nElementDataFile = LOCAL\n"
     (tmp_path / "a.mha").write_bytes(header.encode() + pixels.tobytes())
-    head = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 3 2 2\nkinds: domain domain list\nendian: big\nencoding: raw\n\n"
+    head = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 3 2 2\nkinds: domain domain list\n"
+    head += "endian: big\nencoding: raw\n\n"
     (tmp_path / "a.nrrd").write_bytes(head.encode() + pixels.tobytes())
     for name in ("a.mha", "a.nrrd"):
         np.testing.assert_array_equal(np.stack(list(read_recording(tmp_path / name).frames)), pixels)

@@ -176,7 +176,7 @@ def test_folders_that_do_not_fit_are_refused(tmp_path):
     with pytest.raises(FormatError, match=r"1.png: is \(4, 24\) L where the first image is \(16, 24\) uint8"):
         list(read_recording(tmp_path).frames)
     (tmp_path / "frames.csv").write_text("file,time_s\n0.png,0.5\n")
-    with pytest.raises(InputError, match="has no time for 1.png; add a row, or delete the image"):
+    with pytest.raises(InputError, match=r"has no time for 1\.png; add a row, or delete the image"):
         read_recording(tmp_path)
 
 

@@ -212,7 +212,7 @@ def test_pivot_and_spin_give_the_needle(tmp_path):
 
 def test_a_tip_beside_the_axis_is_warned_of():
     rng = np.random.default_rng(0)
-    pivot = calibrate_pivot(pivoting(rng, tip=TIP + [5, 0, 0]))
+    pivot = calibrate_pivot(pivoting(rng, tip=TIP + np.array([5, 0, 0])))
     found = needle_from_axis(pivot, calibrate_spin(spinning(rng)), 120.0)
     assert [d.code for d in found.diagnostics] == ["tip-off-axis"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Sequence
 from datetime import datetime
@@ -81,7 +82,8 @@ class DicomFrames(Frames):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                image = np.asarray(pixel_array(path, index=place))
+                with _Clamped(path) as file:
+                    image = np.asarray(pixel_array(file, index=place))
         except NotImplementedError as error:
             raise UnsupportedError(f"{path.name}, frame {index}: cannot be decoded ({error})") from None
         except Exception as error:  # pydicom raises many kinds for damaged pixels
@@ -99,6 +101,19 @@ class DicomFrames(Frames):
         return image
 
 
+class _Clamped(io.BufferedReader):
+    """A file that is never asked for more than it holds: damaged lengths would be allocated before the read."""
+
+    def __init__(self, path: Path) -> None:
+        self._size = file_size(path)
+        super().__init__(io.FileIO(path))
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As of any file, but clamped."""
+        left = max(self._size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
 def _header(path: Path) -> Any:
     file_size(path)
     try:
@@ -108,7 +123,8 @@ def _header(path: Path) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return pydicom.dcmread(path, stop_before_pixels=True)
+            with _Clamped(path) as file:
+                return pydicom.dcmread(file, stop_before_pixels=True, defer_size=None)
     except Exception as error:  # pydicom raises many kinds for damaged files
         raise FormatError(f"{path.name}: is not a DICOM file ({str(error)[:80]})") from None
 

@@ -101,7 +101,10 @@ class VideoFrames(Frames):
     def _stream(self, container: Any) -> Any:
         if not container.streams.video:
             raise FormatError(f"{self._path.name}: holds no video stream")
-        return container.streams.video[0]
+        stream = container.streams.video[0]
+        if stream.codec_context is None or stream.time_base is None:
+            raise FormatError(f"{self._path.name}: its video is of a kind that cannot be decoded; convert it to .mp4")
+        return stream
 
 
 class _Guarded:
@@ -120,7 +123,7 @@ class _Guarded:
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if self._container is not None:
             self._container.close()
-        if isinstance(error, self._av.error.FFmpegError):
+        if isinstance(error, (self._av.error.FFmpegError, ValueError, OverflowError)):
             raise self._sentence(error) from None
 
     def _sentence(self, error: Exception) -> FormatError:
