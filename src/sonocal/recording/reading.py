@@ -15,7 +15,7 @@ from sonocal.recording.model import Recording
 from sonocal.recording.nrrd import read_nrrd
 from sonocal.recording.nrrd_write import write_nrrd
 from sonocal.recording.pose_csv import read_pose_csv
-from sonocal.recording.timing import join
+from sonocal.recording.timing import join, with_latency
 from sonocal.recording.video import read_video
 
 __all__ = ["read_recording", "write_recording"]
@@ -43,7 +43,7 @@ def read_recording(path: str | Path, poses: str | Path | None = None, latency_s:
     images = read_image_folder(path) if path.is_dir() else _read_file(path)
     tracker = Path(poses) if poses is not None else _poses_beside(path)
     if tracker is None:
-        return images
+        return with_latency(images, latency_s)
     return join(images, _read_file(tracker), latency_s)
 
 

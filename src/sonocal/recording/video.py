@@ -103,7 +103,9 @@ class VideoFrames(Frames):
             raise FormatError(f"{self._path.name}: holds no video stream")
         stream = container.streams.video[0]
         if stream.codec_context is None or stream.time_base is None:
-            raise FormatError(f"{self._path.name}: its video is of a kind that cannot be decoded; convert it to .mp4")
+            raise FormatError(
+                f"{self._path.name}: its video is of a kind that cannot be decoded; convert it to .mp4"
+            )
         return stream
 
 
