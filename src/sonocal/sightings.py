@@ -15,7 +15,7 @@ from sonocal.observations import Observations
 from sonocal.recording import Diagnostic, Line, Recording, with_latency
 from sonocal.recording.files import read_text
 from sonocal.recording.lines import check_lines
-from sonocal.recording.model import OnInvalid
+from sonocal.recording.poses import OnInvalid
 from sonocal.recording.tables import parse_table
 
 __all__ = ["Detections", "Sightings", "observations_from_recording", "read_detections"]

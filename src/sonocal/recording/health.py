@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.recording.findings import Diagnostic
-from sonocal.recording.model import RIGID_TOLERANCE, ImageGeometry, Poses, Recording, rigidity_error
+from sonocal.recording.model import ImageGeometry, Recording
+from sonocal.recording.poses import RIGID_TOLERANCE, Poses, rigidity_error
 
 __all__ = ["Summary", "ToolSummary", "health", "summarize"]
 

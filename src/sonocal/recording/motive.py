@@ -14,7 +14,8 @@ import numpy as np
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.geometry import Array
 from sonocal.recording.findings import Diagnostic
-from sonocal.recording.model import Poses, Provenance, Recording, by_name
+from sonocal.recording.model import Provenance, Recording
+from sonocal.recording.poses import Poses, by_name
 from sonocal.recording.tables import cells_to_numbers, parse_rows
 
 __all__ = ["is_motive", "read_motive_text"]

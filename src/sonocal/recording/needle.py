@@ -11,8 +11,8 @@ from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array
 from sonocal.recording.findings import Diagnostic
 from sonocal.recording.lines import Line
-from sonocal.recording.model import OnInvalid, Poses
 from sonocal.recording.pivot import PivotCalibration
+from sonocal.recording.poses import OnInvalid, Poses
 from sonocal.recording.spin import SpinCalibration
 
 __all__ = ["DigitisedPoint", "NeedleCalibration", "digitise_point", "needle_from_axis", "needle_from_points"]

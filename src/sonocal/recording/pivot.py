@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
 from sonocal.geometry import Array
 from sonocal.recording.findings import Diagnostic
-from sonocal.recording.model import RIGID_TOLERANCE, rigidity_error
+from sonocal.recording.poses import RIGID_TOLERANCE, rigidity_error
 
 __all__ = ["PivotCalibration", "calibrate_pivot", "rotation_spread_deg"]
 

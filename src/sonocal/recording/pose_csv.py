@@ -22,8 +22,9 @@ import numpy as np
 from sonocal.errors import FormatError, InputError
 from sonocal.geometry import Array
 from sonocal.recording.files import read_text
-from sonocal.recording.model import Poses, Provenance, Recording, by_name
+from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.motive import is_motive, read_motive_text
+from sonocal.recording.poses import Poses, by_name
 from sonocal.recording.sequence_fields import TRANSFORM
 from sonocal.recording.tables import Table, first_time_column, parse_table
 

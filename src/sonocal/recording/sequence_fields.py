@@ -16,7 +16,8 @@ import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.geometry import Array
-from sonocal.recording.model import Poses, Recording, by_name
+from sonocal.recording.model import Recording
+from sonocal.recording.poses import Poses, by_name
 
 __all__ = ["PREFIX", "ItemFields", "interpret", "item_lines"]
 

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array
-from sonocal.recording.model import OnInvalid, Poses, Recording
+from sonocal.recording.model import Recording
+from sonocal.recording.poses import OnInvalid, Poses
 
 __all__ = ["Lag", "estimate_latency", "interpolate_poses", "join", "motion_signal", "with_latency"]
 
