@@ -48,9 +48,10 @@ def sweep(folder):
     rng = np.random.default_rng(0)
     pixels = np.zeros((FRAMES, *SIZE[::-1]), dtype=np.uint8)
     pixels[:, 100:500, 200:600] = rng.integers(0, 80, (FRAMES, 400, 400))
-    image = ImageGeometry(SIZE, 1, "uint8", "MFA", np.eye(4))
+    frames = ArrayFrames(pixels)
+    image = ImageGeometry.of(frames, orientation="MFA")
     path = folder / "sweep.igs.mha"
-    write_recording(Recording(times=np.arange(FRAMES) / 12, frames=ArrayFrames(pixels), image=image), path)
+    write_recording(Recording(times=np.arange(FRAMES) / 12, frames=frames, image=image), path)
     return path
 
 

@@ -26,7 +26,7 @@ def random_recording(
     if size is not None:
         shape = (n, *size[::-1], *((channels,) if channels > 1 else ()))
         frames = ArrayFrames(random_pixels(rng, shape, dtype))
-        image = ImageGeometry(size, channels, dtype, orientation, np.eye(4))
+        image = ImageGeometry.of(frames, len(size), orientation)
     return Recording(
         times=np.sort(rng.uniform(0, 100, n)),
         frames=frames,

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sonocal import FormatError, InputError, UnsupportedError
-from sonocal.recording import read_recording
-from tests.recording.makers import random_poses
+from sonocal.recording import read_recording, write_recording
+from tests.recording.makers import random_poses, random_recording
 
 N = 12
 TIMES = np.arange(N) * 0.1
@@ -266,3 +266,32 @@ def test_files_of_other_kinds_are_refused(tmp_path):
         read_recording(tmp_path / "a.mha")
     with pytest.raises(InputError, match="there is no such file; check the name and the folder"):
         read_recording(tmp_path / "missing.mha")
+
+
+def test_poses_from_another_file_and_another_clock(tmp_path):
+    """The tracker's clock is 100 s ahead: a latency like any other."""
+    write_recording(random_recording(0, n=5, tools=()), tmp_path / "images.mha")
+    images_times = read_recording(tmp_path / "images.mha").times
+    stamps = images_times[0] + 100 + np.arange(0, images_times[-1] - images_times[0] + 1, 0.1)
+    rows = [[t, 1, 0, 0, 0, t, 0, 0] for t in stamps.tolist()]
+    write_table(
+        tmp_path / "tracker.csv",
+        ["time_s", *(f"Probe_{k}" for k in ("qw", "qx", "qy", "qz", "x", "y", "z"))],
+        rows,
+    )
+    recording = read_recording(tmp_path / "images.mha", poses=tmp_path / "tracker.csv", latency_s=100.0)
+    probe = recording.poses["tracker_from_probe"]
+    assert probe.valid.all()
+    np.testing.assert_allclose(probe.matrices[:, 0, 3], images_times + 100)
+    with pytest.raises(InputError, match="they do not overlap; bring both to one clock"):
+        read_recording(tmp_path / "images.mha", poses=tmp_path / "tracker.csv")
+
+
+def test_images_without_times_are_not_joined(tmp_path):
+    pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    pillow.fromarray(images()[0]).save(tmp_path / "0.png")
+    matrices_in("quaternion", tmp_path / "tracker.csv", moving())
+    with pytest.raises(
+        InputError, match="its items have no times, so poses cannot be joined to images; add stamps"
+    ):
+        read_recording(tmp_path)

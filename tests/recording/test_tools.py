@@ -16,6 +16,7 @@ from sonocal.recording import (
     needle_from_axis,
     needle_from_points,
     read_lines,
+    read_recording,
     write_lines,
 )
 from tests.recording.makers import random_poses
@@ -125,6 +126,17 @@ def test_a_static_stretch_is_refused(data_folder):
         "pivot.igs.mha: the tool hardly turned (0.00 deg rms), so any tip fits; "
         "rest the tip in a divot and tilt the tool by 30 deg or more, to all sides"
     )
+
+
+def test_a_real_tool_at_rest_is_refused(data_folder):
+    """A stylus that lies on the table for a whole recording, and the first second of a real pivot."""
+    resting = read_recording(data_folder / "recordings" / "fCal_Test_Calibration_3NWires.igs.mha").tool(
+        "Stylus"
+    )
+    for poses, code in ((resting.matrices, "still"), (real_poses(data_folder)[:20], "little-tilt")):
+        with pytest.raises(DegenerateGeometryError) as caught:
+            calibrate_pivot(poses)
+        assert caught.value.code == code
 
 
 def test_a_pivot_about_one_axis_is_refused():

@@ -39,7 +39,8 @@ def read_dicom(path: Path) -> Recording:
     if not 1 <= count <= COUNT_LIMIT:
         raise FormatError(f"{path.name}: states {count} frames; is it damaged?")
     frames = DicomFrames([(path, i) for i in range(count)], header)
-    times = _start(header) + _steps(path, header, count)
+    start = _start(header)
+    times = (0.0 if np.isnan(start) else start) + _steps(path, header, count)
     return _recording(Provenance(path.name, "DICOM", (str(path),)), frames, times, header)
 
 
@@ -47,7 +48,9 @@ def read_dicom_files(paths: Sequence[Path], name: str) -> Recording:
     """Read single-frame DICOM files, in the order of their acquisition times."""
     headers = [_header(path) for path in paths]
     times = np.array([_start(header) for header in headers])
-    order = np.argsort(times, kind="stable") if np.isfinite(times).all() else np.arange(len(paths))
+    if np.isnan(times).any():
+        times = np.full(len(paths), np.nan)
+    order = np.argsort(times, kind="stable")  # NaN keeps the order of the names
     frames = DicomFrames([(paths[i], 0) for i in order], headers[0])
     read = tuple(str(paths[i]) for i in order)
     return _recording(Provenance(name, "DICOM files", read), frames, times[order], headers[0])
@@ -130,9 +133,7 @@ def _header(path: Path) -> Any:
 
 
 def _recording(provenance: Provenance, frames: DicomFrames, times: Array, header: Any) -> Recording:
-    rows, columns = frames.shape[:2]
-    channels = 3 if len(frames.shape) == 3 else 1
-    geometry = ImageGeometry((columns, rows), channels, frames.dtype.name, "", np.eye(4), _spacing(header))
+    geometry = ImageGeometry.of(frames, spacing_mm=_spacing(header))
     return Recording(times=times, frames=frames, image=geometry, provenance=provenance)
 
 
@@ -165,7 +166,7 @@ def _steps(path: Path, header: Any, count: int) -> Array:
 
 
 def _start(header: Any) -> float:
-    """Seconds of the day at which the first frame was taken; 0 where a clip does not say."""
+    """Seconds of the day at which the first frame was taken; NaN where the file does not say."""
     try:
         for key, form in (
             ("AcquisitionDateTime", "%Y%m%d%H%M%S"),
@@ -178,8 +179,8 @@ def _start(header: Any) -> float:
                 moment = datetime.strptime(whole, form)
                 return moment.hour * 3600 + moment.minute * 60 + moment.second + float(f"0.{part or 0}")
     except ValueError:
-        return 0.0
-    return 0.0
+        return float("nan")
+    return float("nan")
 
 
 def _number(path: Path, header: Any, key: str, default: float) -> float:

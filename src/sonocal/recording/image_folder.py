@@ -52,8 +52,7 @@ def read_image_folder(folder: Path) -> Recording:
         return read_dicom_files(dicoms, folder.name)
     images, times, paths = _stamped(folder, images)
     frames = ImageFiles(images)
-    channels = frames.shape[2] if len(frames.shape) == 3 else 1
-    geometry = ImageGeometry((frames.shape[1], frames.shape[0]), channels, frames.dtype.name, "", np.eye(4))
+    geometry = ImageGeometry.of(frames)
     return Recording(
         times=times, frames=frames, image=geometry, provenance=Provenance(folder.name, "images", paths)
     )

@@ -40,6 +40,19 @@ class ImageGeometry:
     image_from_file: Array
     spacing_mm: tuple[float, ...] | None = None
 
+    @classmethod
+    def of(
+        cls,
+        frames: Frames,
+        dimension: int = 2,
+        orientation: str = "",
+        spacing_mm: tuple[float, ...] | None = None,
+    ) -> ImageGeometry:
+        """The geometry of frames that lie as MF does; say ``orientation="MF"`` where that is known."""
+        size = tuple(int(n) for n in frames.shape[:dimension][::-1])
+        channels = frames.shape[dimension] if len(frames.shape) > dimension else 1
+        return cls(size, channels, frames.dtype.name, orientation, np.eye(4), spacing_mm)
+
     @property
     def dimension(self) -> int:
         """2 for images, 3 for volumes."""
@@ -91,6 +104,10 @@ class Recording:
         n = len(self.times)
         if self.image_valid is None:
             object.__setattr__(self, "image_valid", np.full(n, len(self.frames) > 0))
+        if len(self.frames) and self.image is None:
+            raise InputError(
+                f"{self.name}: has frames of unknown geometry; give image=ImageGeometry.of(frames)"
+            )
         columns: dict[str, Any] = {"frames": self.frames} if len(self.frames) else {}
         columns |= {"image_valid": self.image_valid, **self.poses, **self.item_fields}
         for name, column in columns.items():

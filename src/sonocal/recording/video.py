@@ -26,13 +26,10 @@ def read_video(path: Path) -> Recording:
     """
     file_size(path)
     frames = VideoFrames(path)
-    rows, columns = frames.shape[:2]
-    channels = frames.shape[2] if len(frames.shape) == 3 else 1
-    geometry = ImageGeometry((columns, rows), channels, "uint8", "", np.eye(4))
     return Recording(
         times=frames.times,
         frames=frames,
-        image=geometry,
+        image=ImageGeometry.of(frames),
         provenance=Provenance(path.name, "video", (str(path),)),
     )
 
