@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonocal import InputError, UnsupportedError
-from sonocal.recording import read_recording, write_recording
+from sonocal.recording import ImageGeometry, Recording, read_recording, write_recording
 from tests.recording.makers import assert_same, random_recording
+from tests.recording.test_orientation import stored_file
 
 SUFFIXES = (".mha", ".mhd", ".nrrd")
 TYPES = ("uint8", "int8", "uint16", "int16", "float32", "float64")
@@ -213,3 +214,27 @@ def test_nothing_is_left_of_a_failed_writing(tmp_path):
     with pytest.raises(UnsupportedError, match=r"recordings are written as \.mha, \.mhd or \.nrrd"):
         write_recording(recording, tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_images_of_which_nothing_is_known_stay_a_sequence(tmp_path, suffix):
+    frames = random_recording(0, n=3).frames
+    recording = Recording(times=np.full(3, np.nan), frames=frames, image=ImageGeometry.of(frames))
+    write_recording(recording, tmp_path / f"a{suffix}")
+    again = read_recording(tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(np.stack(list(again.frames)), np.stack(list(frames)))
+    assert np.isnan(again.times).all()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("code", ["UF", "UN", "FM", "XX"])
+def test_what_was_turned_to_mf_is_written_as_mf(tmp_path, suffix, code):
+    """Flips are applied once: the file written says how its images lie now."""
+    path, _ = stored_file(tmp_path, code, (4, 3))
+    recording = read_recording(path)
+    write_recording(recording, tmp_path / f"b{suffix}")
+    again = read_recording(tmp_path / f"b{suffix}")
+    assert_same(recording, again)
+    assert again.image.orientation == ("XX" if code == "XX" else "MF")
+    assert again.image.spacing_mm == recording.image.spacing_mm
+    np.testing.assert_array_equal(again.image.image_from_file, np.eye(4))

@@ -154,8 +154,9 @@ def _layout(header: _Header) -> Layout:
             f"{header.fields.get('NDims', '')!r}; recordings have 2, 3 or 4 dimensions"
         )
     check_sizes(header.name, sizes)
-    # Some writers mark a plain volume's third axis as a list; only items' fields make it a sequence.
-    is_sequence = bool(header.items.columns) or dimensions == 4
+    # Some writers mark a plain volume's third axis as a list: fields of items, or the name, make it a sequence.
+    named = header.fields.get("Kinds", "").endswith("list") and re.search(r"\.(igs|seq)\.", header.name)
+    is_sequence = bool(header.items.columns or named) or dimensions == 4
     *frame, count = sizes if is_sequence and dimensions > 2 else (*sizes, 1)
     image_free = 0 in frame
     channels = (*header.whole("ElementNumberOfChannels"), 1)[0]
