@@ -8,17 +8,19 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent / "src" / "sonocal"
 
-# Every room may import `errors`, `files`, `geometry` and NumPy, except where its row says less. A room is
+# Every room may import `errors`, `files`, `findings`, `geometry` and NumPy, except where its row says less. A room is
 # a module or a folder beside __init__.py; the calibration room has several modules.
-EVERYONE = {"errors", "files", "geometry"}
+EVERYONE = {"errors", "files", "findings", "geometry"}
 CALIBRATION = {"calibration", "calibration_file", "diagnostics"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "files": {"errors"},
+    "findings": set(),
     "geometry": {"errors"},
     "observations": EVERYONE,
     "registration": EVERYONE | {"_core"},
     "recording": EVERYONE,
+    "sightings": EVERYONE | {"observations", "recording"},
     "detection": EVERYONE | {"recording"},
     "diagnostics": EVERYONE | {"registration"},
     "calibration": EVERYONE | CALIBRATION | {"observations", "registration", "recording", "detection"},
@@ -30,7 +32,7 @@ ALLOWED: dict[str, set[str]] = {
 # These see everything: the public face and the command line.
 UNRESTRICTED = {"__init__", "__main__", "cli"}
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
-LAZY = {"scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom"}
+LAZY = {"scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL"}
 LAZY_EXEMPT = {"cli": {"click"}, "terminal": {"rich"}}
 
 

@@ -200,7 +200,7 @@ def test_a_missing_file_and_a_directory_are_said(tmp_path):
     assert str(caught.value) == f"{tmp_path / 'no.csv'}: there is no such file; check the name and the folder"
     with pytest.raises(InputError) as caught:
         read_observations(tmp_path)
-    assert str(caught.value) == f"{tmp_path}: is a directory; name the CSV file of observations in it"
+    assert str(caught.value) == f"{tmp_path}: is a directory; name the file in it"
 
 
 def test_writing_into_a_missing_folder_is_said(tmp_path):

@@ -98,9 +98,19 @@ class PointLineEstimator {
 
   Refinement refit(const Transform& a, double limit, int iterations) {
     rows_.squared_distances(a, squares_);
-    const NormalEquations equations = rows_.geometric_cost(squares_, limit);
-    if (2 * equations.rows() <= parameter_count(model_)) return {a, 0, 0, false};
-    return refine(equations, a, model_, iterations);
+    // A minimal solver leaves one of its equations out, and with noise the row may miss by more than the
+    // threshold: where fewer rows agree than determine the model, the nearest ones do.
+    const int needed = parameter_count(model_) / 2 + 1;
+    if (rows_.size() < needed) return {a, 0, 0, false};
+    if ((squares_ <= limit).count() < needed) limit = nearest(needed);
+    return refine(rows_.geometric_cost(squares_, limit), a, model_, iterations);
+  }
+
+  // The n-th smallest squared distance.
+  double nearest(int n) const {
+    Column sorted = squares_;
+    std::nth_element(sorted.data(), sorted.data() + n - 1, sorted.data() + sorted.size());
+    return sorted[n - 1];
   }
 
   const PointLines& rows_;

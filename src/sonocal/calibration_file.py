@@ -112,7 +112,7 @@ def load_calibration(path: str | Path) -> Calibration:
         UnsupportedError: a later sonocal wrote it in a form that this one does not know.
     """
     path = Path(path)
-    return parse_calibration(read_bytes(path, "the calibration file"), path.name)
+    return parse_calibration(read_bytes(path), path.name)
 
 
 def parse_calibration(content: bytes, name: str) -> Calibration:

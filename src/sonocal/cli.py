@@ -226,7 +226,7 @@ def info(file: Path) -> None:
     from sonocal.observations import parse_observations
     from sonocal.terminal import print_calibration, print_observations
 
-    content = read_bytes(file, "the file to look at")
+    content = read_bytes(file)
     if content.lstrip()[:1] == b"{":
         print_calibration(_console(), parse_calibration(content, file.name))
         return

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
 
-import msgspec
 import numpy as np
 
+from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS, Fit
@@ -30,22 +29,6 @@ SIGNIFICANT = 3.0
 MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
-
-
-class Diagnostic(msgspec.Struct, frozen=True):
-    """One finding.
-
-    Attributes:
-        code: short name, for programs.
-        severity: "warning" (read before use) or "info".
-        message: what was found, with numbers and units.
-        advice: what to do about it.
-    """
-
-    code: str
-    severity: Literal["warning", "info"]
-    message: str
-    advice: str
 
 
 def diagnose_weakness(

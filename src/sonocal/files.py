@@ -1,35 +1,115 @@
-"""Reading and writing files: one sentence when it fails, nothing half written."""
+"""Bytes in and out of files, with every operating system failure turned into one sentence."""
 
 from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import BinaryIO
 
-from sonocal.errors import InputError
+from sonocal.errors import FormatError, InputError
 
-__all__ = ["read_bytes", "write_atomically", "write_into_folder"]
+TEXT_LIMIT = 64 << 20
+"""Largest text file (CSV, XML, TOML) read in one piece, bytes: hours of poses fit in it."""
 
 
-def read_bytes(path: str | Path, what: str) -> bytes:
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn the failures of reading a file into an `InputError`."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file; check the name and the folder") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a directory; name the file in it") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+
+
+def file_size(path: Path) -> int:
+    """The size of a file in bytes."""
+    with reading(path):
+        return path.stat().st_size
+
+
+def read_at(path: Path, offset: int, count: int) -> bytes:
+    """Up to `count` bytes from `offset`; the file is open no longer than that."""
+    with reading(path), path.open("rb", buffering=0) as file:
+        file.seek(offset)
+        pieces = []
+        while count > 0 and (piece := file.read(count)):
+            pieces.append(piece)
+            count -= len(piece)
+        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+
+def read_text(path: Path, what: str, limit: int = TEXT_LIMIT) -> str:
+    """The text of a UTF-8 file.
+
+    Raises:
+        InputError: it cannot be read, or is larger than `limit`.
+        FormatError: it is not text.
+    """
+    size = file_size(path)
+    if size > limit:
+        raise InputError(
+            f"{path.name}: holds {size} bytes, more than the {limit} of {what}; is it the right file?"
+        )
+    try:
+        text = read_at(path, 0, size).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{path.name}: byte {error.start} is not UTF-8; {what} is UTF-8 text") from None
+    if "\0" in text:
+        raise FormatError(f"{path.name}: holds a zero byte; {what} is UTF-8 text")
+    return text
+
+
+def beside(header: Path, name: str) -> Path:
+    """The data file that a header names, which must lie in the header's folder.
+
+    Raises:
+        FormatError: the name is absolute or climbs out: a header from elsewhere could then name any
+            file of this machine.
+    """
+    posix, windows = PurePosixPath(name), PureWindowsPath(name)
+    if posix.is_absolute() or windows.drive or windows.root or ".." in windows.parts or "\0" in name:
+        raise FormatError(
+            f"{header.name}: its data file {name!r} lies outside the header's folder; "
+            "move it beside the header and name it there"
+        )
+    return header.parent / name
+
+
+@contextmanager
+def writing(path: str | Path) -> Iterator[BinaryIO]:
+    """A file that appears under its name only when all of it is written."""
+    path = Path(path)
+    temporary = None
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
+        with os.fdopen(handle, "w+b") as file:
+            yield file
+        # mkstemp makes a file only its owner reads; a result has the rights any new file would have.
+        Path(temporary).chmod(0o666 & ~_umask())
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+    finally:
+        if temporary is not None:
+            with suppress(OSError):
+                Path(temporary).unlink()
+
+
+def read_bytes(path: str | Path) -> bytes:
     """The content of a file.
-
-    Args:
-        path: the file.
-        what: what it should be, for the message, such as "the CSV file of observations".
 
     Raises:
         InputError: it cannot be read.
     """
-    try:
+    with reading(Path(path)):
         return Path(path).read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the name and the folder") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a directory; name {what} in it") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
 
 
 def write_atomically(path: str | Path, content: bytes) -> None:
@@ -38,20 +118,8 @@ def write_atomically(path: str | Path, content: bytes) -> None:
     Raises:
         InputError: it cannot be written; what stood there before still stands.
     """
-    path = Path(path)
-    temporary = None
-    try:
-        if path.is_dir():
-            raise IsADirectoryError(21, "it is a directory")
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-        Path(temporary).chmod(0o666 & ~_umask())
-        Path(temporary).replace(path)
-    except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+    with writing(path) as file:
+        file.write(content)
 
 
 def write_into_folder(folder: str | Path, files: Mapping[str, bytes]) -> None:

@@ -235,7 +235,7 @@ def read_observations(path: str | Path) -> Observations:
         FormatError: the file is not a CSV table.
     """
     path = Path(path)
-    return parse_observations(read_bytes(path, "the CSV file of observations"), path.name)
+    return parse_observations(read_bytes(path), path.name)
 
 
 def parse_observations(data: bytes, name: str) -> Observations:

@@ -1,0 +1,223 @@
+"""What is wrong with a recording, before it is used: each finding with numbers and a remedy."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.findings import Diagnostic
+from sonocal.recording.model import ImageGeometry, Recording
+from sonocal.recording.poses import RIGID_TOLERANCE, Poses, rigidity_error
+
+__all__ = ["Summary", "ToolSummary", "health", "summarize"]
+
+# A gap is this many usual intervals; one or two dropped frames are normal.
+GAP_FACTOR = 4.0
+# A tool that moves less than this is at rest: trackers jitter by a few tenths.
+STATIC_MM, STATIC_RAD = 0.5, 0.005
+# Poses equal to the last bit for this long are a tracker that repeats itself, not a hand that is still.
+FROZEN_RUN = 10
+MANY_INVALID = 0.1
+
+
+@dataclass(frozen=True)
+class ToolSummary:
+    """One tracked tool: its name, how many poses it has, how many are valid and how far it moved (mm)."""
+
+    name: str
+    poses: int
+    valid: int
+    travel_mm: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A recording in a few numbers, for people and programs.
+
+    Attributes:
+        name, format: of the file.
+        items: on the time line.
+        duration_s, rate_hz: None without times.
+        image: what the images are; None without images.
+        tools: what is tracked.
+        diagnostics: what to know before use.
+    """
+
+    name: str
+    format: str
+    items: int
+    duration_s: float | None
+    rate_hz: float | None
+    image: ImageGeometry | None
+    tools: tuple[ToolSummary, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def summarize(recording: Recording, look_at_images: bool = True) -> Summary:
+    """What is in a recording, and what is wrong with it."""
+    times = recording.times
+    timed = len(times) > 1 and bool(np.isfinite(times).all())
+    duration = float(times.max() - times.min()) if timed else None
+    return Summary(
+        name=recording.name,
+        format=recording.provenance.format,
+        items=len(recording),
+        duration_s=duration,
+        rate_hz=(len(times) - 1) / duration if duration else None,
+        image=recording.image,
+        tools=tuple(_tool(poses) for poses in recording.poses.values()),
+        diagnostics=health(recording, look_at_images),
+    )
+
+
+def health(recording: Recording, look_at_images: bool = True) -> tuple[Diagnostic, ...]:
+    """What to know about a recording before using it.
+
+    Args:
+        recording: what to look at.
+        look_at_images: decode every image to find repeated ones.
+
+    Returns:
+        What the reader noticed, then stamps, poses tool by tool, and images.
+    """
+    found = [*recording.diagnostics, *_stamps(recording.times)]
+    for poses in recording.poses.values():
+        found += _poses(poses)
+    if recording.image is not None:
+        found += _image_status(recording)
+        if look_at_images:
+            found += _repeated_images(recording)
+    return tuple(found)
+
+
+def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
+    if np.isnan(times).all():
+        if len(times) > 1:
+            yield _warning(
+                "no-times", "no item has a time stamp", "poses cannot be moved in time; record with stamps"
+            )
+        return
+    steps = np.diff(times)
+    if (steps < 0).any():
+        i = int(np.flatnonzero(steps < 0)[0]) + 1
+        yield _warning(
+            "stamps-out-of-order",
+            f"{(steps < 0).sum()} stamps are earlier than the one before them, first at frame {i} "
+            f"({times[i - 1]:.3f} s, then {times[i]:.3f} s)",
+            "sort the frames by time, or delete those",
+        )
+    if (steps == 0).any():
+        i = int(np.flatnonzero(steps == 0)[0]) + 1
+        yield _warning(
+            "stamps-repeated",
+            f"{(steps == 0).sum()} frames have the stamp of the frame before them, first frame {i}",
+            "delete the repeated frames; a copy is not a second measurement",
+        )
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    gaps = np.flatnonzero(steps > GAP_FACTOR * usual) if usual > 0 else np.empty(0, dtype=np.int64)
+    if len(gaps):
+        widest = int(gaps[np.argmax(steps[gaps])])
+        yield _warning(
+            "gaps",
+            f"{len(gaps)} gaps are longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
+            f"{1000 * steps[widest]:.0f} ms after frame {widest}",
+            "poses are not interpolated across long gaps; check the recorder's load",
+        )
+
+
+def _poses(poses: Poses) -> Iterator[Diagnostic]:
+    name, n = poses.plus_name, len(poses)
+    invalid = n - int(poses.valid.sum())
+    if invalid:
+        runs = _longest_run(~poses.valid)
+        yield Diagnostic(
+            code="invalid-poses",
+            severity="warning" if invalid > MANY_INVALID * n else "info",
+            message=f"{name}: {invalid} of {n} poses are invalid ({100 * invalid / n:.0f} %), {runs} in a row at most",
+            advice="such frames are left out; keep the marker in the tracker's view",
+        )
+    error = rigidity_error(poses.matrices)
+    bent = poses.valid & ~(error <= RIGID_TOLERANCE)
+    if bent.any() and "Image" not in (poses.source, poses.target):
+        i = int(np.flatnonzero(bent)[0])
+        yield _warning(
+            "non-rigid-poses",
+            f"{name}: {bent.sum()} poses marked valid are not rigid, first at frame {i} "
+            f"(det R = {np.linalg.det(poses.matrices[i, :3, :3]):.3g})",
+            "leave such frames out with --on-invalid skip; find what wrote scale or shear into a pose",
+        )
+    yield from _stillness(name, poses)
+
+
+def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
+    seen = poses.matrices[poses.valid]
+    if len(seen) < 2:
+        return
+    same = (seen[1:] == seen[:-1]).all(axis=(1, 2))
+    travel, turn = _travel_mm(seen), np.abs(seen[:, :3, :3] - seen[0, :3, :3]).max()
+    if travel < STATIC_MM and turn < STATIC_RAD:
+        yield Diagnostic(
+            code="static-tool",
+            severity="info",
+            message=f"{name}: does not move, {travel:.3f} mm over {len(seen)} poses",
+            advice="expected of a reference marker; a probe or needle must move to be calibrated",
+        )
+    elif (run := _longest_run(same)) >= FROZEN_RUN:
+        yield _warning(
+            "frozen-poses",
+            f"{name}: repeats a pose to the last digit up to {run + 1} times in a row",
+            "the tracker or recorder stalled there; leave that stretch out",
+        )
+
+
+def _image_status(recording: Recording) -> Iterator[Diagnostic]:
+    bad = len(recording) - int(recording.image_valid.sum())
+    if bad:
+        yield _warning(
+            "invalid-images",
+            f"{bad} of {len(recording)} images are marked invalid",
+            "such frames are left out",
+        )
+
+
+def _repeated_images(recording: Recording) -> Iterator[Diagnostic]:
+    digests = [
+        hashlib.blake2b(np.ascontiguousarray(f).data, digest_size=16).digest() for f in recording.frames
+    ]
+    repeats = np.array([a == b for a, b in pairwise(digests)], dtype=bool)
+    if repeats.any():
+        run, first = _longest_run(repeats), int(np.flatnonzero(repeats)[0]) + 1
+        yield _warning(
+            "frozen-images" if run >= FROZEN_RUN else "duplicated-images",
+            f"{repeats.sum()} of {len(digests)} images repeat the one before them, first at frame {first}, up to "
+            f"{run} in a row",
+            "the scanner was frozen or the grabber faster than it; such pairs hold one measurement, not two",
+        )
+
+
+def _tool(poses: Poses) -> ToolSummary:
+    return ToolSummary(
+        poses.plus_name, len(poses), int(poses.valid.sum()), _travel_mm(poses.matrices[poses.valid])
+    )
+
+
+def _travel_mm(matrices: NDArray[np.float64]) -> float:
+    """The largest distance from the median place."""
+    if len(matrices) == 0:
+        return 0.0
+    places = matrices[:, :3, 3]
+    return float(np.linalg.norm(places - np.median(places, axis=0), axis=1).max())
+
+
+def _longest_run(mask: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _warning(code: str, message: str, advice: str) -> Diagnostic:
+    return Diagnostic(code=code, severity="warning", message=message, advice=advice)

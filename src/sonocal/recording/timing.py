@@ -1,0 +1,263 @@
+"""Poses at the times of images, and the lag between the two clocks.
+
+``latency_s > 0``: the tracker's stamps are later than the image's for the same instant, so the pose of an
+image taken at ``t`` is the one the tracker stamped ``t + latency_s``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sonocal.errors import DegenerateGeometryError, InputError
+from sonocal.geometry import Array
+from sonocal.recording.model import Recording
+from sonocal.recording.poses import OnInvalid, Poses
+
+__all__ = ["Lag", "estimate_latency", "interpolate_poses", "join", "motion_signal", "with_latency"]
+
+MAX_GAP_S = 0.2
+"""Longest stretch between two poses that is bridged, s: a hand turns a probe by degrees in less."""
+
+GRID_S = 0.001
+LEAST_CORRELATION = 0.7
+LEAST_OVERLAP = 16
+
+
+def interpolate_poses(
+    poses: Poses,
+    times: ArrayLike,
+    at: ArrayLike,
+    *,
+    max_gap_s: float = MAX_GAP_S,
+    source: str = "recording",
+    on_invalid: OnInvalid = "raise",
+) -> Poses:
+    """Poses at other times: turns along the shortest arc, moves along the straight line.
+
+    A pose is never made up across an invalid one, a gap longer than `max_gap_s`, or beyond the ends;
+    such times get an invalid one. At the recorded times the recorded poses come back to the bit.
+
+    Args:
+        poses: N of them.
+        times: (N,) s, increasing.
+        at: (M,) s.
+        max_gap_s: longest stretch to bridge.
+        source: the recording's name, for messages.
+        on_invalid: what to do with poses marked valid that are not rigid.
+
+    Returns:
+        M poses.
+
+    Raises:
+        InputError: the times do not increase, or a pose is not rigid.
+    """
+    stamps, wanted = np.asarray(times, dtype=float), np.asarray(at, dtype=float)
+    _check_increasing(stamps, source)
+    usable = poses.usable(source, on_invalid)
+    after = np.clip(np.searchsorted(stamps, wanted, side="left"), 0, len(stamps) - 1)
+    exact = (stamps[after] == wanted) & usable.valid[after]
+    before = np.maximum(after - 1, 0)
+    bridged = (
+        (stamps[before] < wanted) & (wanted < stamps[after]) & (stamps[after] - stamps[before] <= max_gap_s)
+    )
+    bridged &= usable.valid[before] & usable.valid[after]
+    matrices = np.full((len(wanted), 4, 4), np.nan)
+    matrices[exact] = usable.matrices[after[exact]]
+    if bridged.any():
+        first, second = before[bridged], after[bridged]
+        part = (wanted[bridged] - stamps[first]) / (stamps[second] - stamps[first])
+        matrices[bridged] = _between(usable.matrices[first], usable.matrices[second], part)
+    return Poses(poses.source, poses.target, matrices, exact | bridged)
+
+
+def join(
+    images: Recording,
+    tracker: Recording,
+    latency_s: float = 0.0,
+    max_gap_s: float = MAX_GAP_S,
+    on_invalid: OnInvalid = "raise",
+) -> Recording:
+    """Images with the poses of a tracker that was recorded beside them, both stamped in one clock.
+
+    Raises:
+        InputError: one of the two has no times, or they do not overlap.
+    """
+    for part in (images, tracker):
+        if np.isnan(part.times).any():
+            raise InputError(
+                f"{part.name}: its items have no times, so poses cannot be joined to images; add stamps"
+            )
+    at = images.times + latency_s
+    if at[0] > tracker.times.max() or at[-1] < tracker.times.min():
+        raise InputError(
+            f"{images.name} spans {at.min():.3f} to {at.max():.3f} s and {tracker.name} {tracker.times.min():.3f} to "
+            f"{tracker.times.max():.3f} s: they do not overlap; bring both to one clock"
+        )
+    poses = {
+        name: interpolate_poses(
+            one, tracker.times, at, max_gap_s=max_gap_s, source=tracker.name, on_invalid=on_invalid
+        )
+        for name, one in tracker.poses.items()
+    }
+    provenance = replace(
+        images.provenance,
+        format=f"{images.provenance.format} + {tracker.provenance.format}",
+        paths=images.provenance.paths + tracker.provenance.paths,
+    )
+    diagnostics = images.diagnostics + tracker.diagnostics
+    return replace(images, poses=poses, provenance=provenance, diagnostics=diagnostics)
+
+
+def with_latency(
+    recording: Recording, latency_s: float, max_gap_s: float = MAX_GAP_S, on_invalid: OnInvalid = "raise"
+) -> Recording:
+    """The recording with every pose taken where its image belongs: at ``t + latency_s``."""
+    if latency_s == 0.0:
+        return recording
+    return join(
+        replace(recording, provenance=recording.provenance, diagnostics=()),
+        recording,
+        latency_s,
+        max_gap_s,
+        on_invalid,
+    )
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How much later the tracker stamps an instant than the images do.
+
+    Attributes:
+        latency_s: positive where the tracker's stamps are later. PLUS's ``TrackerLagSec`` has the same
+            sign; it is negative where a frame grabber delays the images, as most do.
+        deviation_s: its standard deviation, from how well the two signals agree.
+        correlation: of the aligned signals, 0 to 1.
+        samples: image times that took part.
+    """
+
+    latency_s: float
+    deviation_s: float
+    correlation: float
+    samples: int
+
+
+def estimate_latency(
+    image_times: ArrayLike,
+    image_signal: ArrayLike,
+    tracker_times: ArrayLike,
+    tracker_signal: ArrayLike,
+    max_lag_s: float = 0.5,
+) -> Lag:
+    """The lag that aligns two signals of one motion, such as a line's place in the image and the probe's height.
+
+        image(t) = a + b tracker(t + latency)
+
+    The signals may differ in scale, offset and sign.
+
+    Args:
+        image_times: (N,) s.
+        image_signal: (N,), any unit; NaN where it was not seen.
+        tracker_times: (M,) s.
+        tracker_signal: (M,), any unit; NaN where it was not seen.
+        max_lag_s: largest lag to look for, either way.
+
+    Raises:
+        InputError: the recordings hardly overlap.
+        DegenerateGeometryError: a signal does not move, or no lag within the range aligns them.
+    """
+    seen_t, seen = _seen(image_times, image_signal)
+    track_t, track = _seen(tracker_times, tracker_signal)
+    if len(seen) < LEAST_OVERLAP or len(track) < LEAST_OVERLAP:
+        raise InputError(
+            f"a lag needs {LEAST_OVERLAP} samples of each signal; got {len(seen)} and {len(track)}"
+        )
+    # One set of image samples for every lag, or the correlation would jump as samples enter and leave.
+    inside = (seen_t - max_lag_s >= track_t[0]) & (seen_t + max_lag_s <= track_t[-1])
+    if inside.sum() < LEAST_OVERLAP:
+        raise InputError(
+            f"images ({seen_t[0]:.3f} to {seen_t[-1]:.3f} s) and poses ({track_t[0]:.3f} to {track_t[-1]:.3f} s) share "
+            f"{inside.sum()} samples within +-{max_lag_s:g} s; a lag needs {LEAST_OVERLAP}"
+        )
+    at, wanted = seen_t[inside], seen[inside]
+    if np.std(wanted) == 0 or np.std(track) == 0:
+        raise DegenerateGeometryError(
+            "a lag needs motion, and one of the two signals is constant", "static-signal"
+        )
+    steps = round(max_lag_s / GRID_S)
+    lags = np.arange(-steps, steps + 1, dtype=np.float64) * np.float64(GRID_S)
+    scores = np.array([_correlation(wanted, np.interp(at + lag, track_t, track)) for lag in lags])
+    best = int(np.argmax(np.abs(scores)))
+    peak = float(abs(scores[best]))
+    if peak < LEAST_CORRELATION or best in (0, len(lags) - 1):
+        raise DegenerateGeometryError(
+            f"no lag within +-{max_lag_s:g} s aligns the two signals (best correlation {peak:.2f}); "
+            "move the probe up and down for ten seconds and record again",
+            "no-alignment",
+        )
+    return _refined(lags, scores, best, wanted, np.interp(at + lags[best], track_t, track))
+
+
+def motion_signal(poses: Poses) -> Array:
+    """(N,) mm: the place of a tool along the direction it moves most; NaN where invalid."""
+    places = np.where(poses.valid[:, None], poses.matrices[:, :3, 3], np.nan)
+    seen = places[poses.valid]
+    if len(seen) < 2:
+        raise InputError(f"{poses.plus_name}: has {len(seen)} valid poses; a motion needs two or more")
+    direction = np.linalg.svd(seen - seen.mean(axis=0), full_matrices=False)[2][0]
+    return np.asarray((places - seen.mean(axis=0)) @ direction)
+
+
+def _between(first: Array, second: Array, part: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    start = Rotation.from_matrix(first[:, :3, :3])
+    turn = (start.inv() * Rotation.from_matrix(second[:, :3, :3])).as_rotvec()
+    matrices = np.tile(np.eye(4), (len(part), 1, 1))
+    matrices[:, :3, :3] = (start * Rotation.from_rotvec(part[:, None] * turn)).as_matrix()
+    matrices[:, :3, 3] = (1 - part)[:, None] * first[:, :3, 3] + part[:, None] * second[:, :3, 3]
+    return matrices
+
+
+def _check_increasing(times: Array, source: str) -> None:
+    if len(times) == 0:
+        raise InputError(f"{source}: has no poses to interpolate")
+    if np.isnan(times).any():
+        raise InputError(f"{source}: has no times, so poses cannot be interpolated; add stamps")
+    backwards = np.flatnonzero(np.diff(times) <= 0)
+    if len(backwards):
+        i = int(backwards[0]) + 1
+        raise InputError(
+            f"{source}, frame {i}: its stamp {times[i]:.6f} s is not later than the {times[i - 1]:.6f} s before it; "
+            "delete or sort such frames"
+        )
+
+
+def _seen(times: ArrayLike, signal: ArrayLike) -> tuple[Array, Array]:
+    t, y = np.asarray(times, dtype=float), np.asarray(signal, dtype=float)
+    if t.shape != y.shape or t.ndim != 1:
+        raise InputError(f"a signal needs one time a sample; got {y.shape} samples and {t.shape} times")
+    finite = np.isfinite(t) & np.isfinite(y)
+    order = np.argsort(t[finite], kind="stable")
+    return t[finite][order], y[finite][order]
+
+
+def _correlation(a: Array, b: Array) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    norm = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / norm if norm > 0 else 0.0
+
+
+def _refined(lags: Array, scores: Array, best: int, wanted: Array, aligned: Array) -> Lag:
+    """The top of the parabola through the best lag and its neighbours."""
+    sign = np.sign(scores[best])
+    before, top, after = sign * scores[best - 1 : best + 2]
+    curvature = before - 2 * top + after
+    shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+    # 1 - r^2 is the share of variance that the lag does not explain; its curvature gives the deviation.
+    slack = max(1 - top**2, np.finfo(float).eps)
+    information = -2 * top * curvature / GRID_S**2 * len(wanted) / (2 * slack)
+    deviation = 1 / np.sqrt(information) if information > 0 else float("inf")
+    return Lag(float(lags[best] + shift * GRID_S), float(deviation), float(top), len(aligned))
