@@ -1,0 +1,64 @@
+// Bright blobs of a grey image at several scales, sub-pixel.
+#pragma once
+
+#include <vector>
+
+namespace sonocal {
+
+struct Blob {
+  double u, v;           // px of the image; the origin is the centre of the first pixel
+  double score;          // contrast in units of the image's own noise at the blob's scale
+  double scale;          // standard deviation of the centre's filter, px
+  double contrast;       // of the peak above its surround, grey levels
+  double uu, uv, vv;     // second moments of the blob's bright part, px^2
+  double area;           // pixels of the bright part
+};
+
+struct BlobOptions {
+  int count = 5;
+  double least_score = 4;
+  double least_contrast = 1;  // floor of the noise, grey levels: black images have none
+  double level = 0.5;         // of the contrast, above which a pixel belongs to the blob
+};
+
+// Differences of Gaussians, normalised so that masked pixels and the image's border have no weight:
+//   L_i = G(s_i) * (m I) / G(s_i) * m,    response_i = L_i - L_{i+1}
+// Lindeberg, Feature detection with automatic scale selection, 1998.
+// The mask's part is computed once and serves every frame. Not for use from several threads at once.
+class BlobFilter {
+ public:
+  // mask: rows x cols, 0 where the image means nothing. scales: px, increasing; one response a neighbouring
+  // pair. pool: side of the squares that are averaged before filtering.
+  BlobFilter(const unsigned char* mask, int rows, int cols, std::vector<double> scales, int pool);
+
+  std::vector<Blob> detect(const float* image, const BlobOptions& options);
+
+  int rows() const { return rows_; }
+  int cols() const { return cols_; }
+
+ private:
+  struct Peak {
+    int row, col, level;
+    float score;
+  };
+
+  void pool_image(const float* image);
+  void blur(std::vector<float>& values, const std::vector<float>& half_kernel);
+  void respond(double least_contrast);
+  std::vector<Peak> peaks(double least_score, int most) const;
+  bool refine(const float* image, const Peak& peak, double level, Blob& blob);
+
+  int rows_, cols_, pool_, small_rows_, small_cols_;
+  std::vector<double> scales_;
+  std::vector<unsigned char> mask_;
+  std::vector<float> weight_;                      // pooled mask, 0 to 1
+  std::vector<std::vector<float>> kernels_;        // from one scale to the next
+  std::vector<std::vector<float>> normalisers_;    // 1 / G(s_i) * m; 0 where nothing is near
+  std::vector<std::vector<float>> levels_;         // L_i
+  std::vector<float> best_, scratch_, pooled_;     // best: greatest response / noise over the scales
+  std::vector<int> best_level_;
+  std::vector<int> stack_;
+  std::vector<unsigned char> seen_;
+};
+
+}  // namespace sonocal
