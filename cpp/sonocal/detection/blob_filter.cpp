@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 namespace sonocal {
 namespace {
@@ -32,6 +31,25 @@ float median_magnitude(const std::vector<float>& values, const std::vector<float
   return sample[sample.size() / 2];
 }
 
+constexpr double kReach = 2.5;     // of a blob's standard deviation
+constexpr double kRound = 0.4;     // ratio of curvatures that counts as round: needles cross obliquely
+constexpr double kFlattest = 0.05;
+constexpr double kLevelStep = 0.15;
+constexpr double kHighestLevel = 0.85;
+
+constexpr float kStructure = 0.4f;         // of the contrast: above it lies what a peak belongs to
+constexpr double kStructureReach = 12;     // of the scale
+constexpr double kLong = 4;                // length over breadth from which a structure is no needle's section
+constexpr double kSpare = 0.25;            // what a peak on such a structure still counts
+constexpr int kPeaksTried = 8;
+
+// Two peaks of one blob end at the same place.
+bool apart(const std::vector<Blob>& blobs, const Blob& blob) {
+  return std::none_of(blobs.begin(), blobs.end(), [&](const Blob& other) {
+    return std::hypot(blob.u - other.u, blob.v - other.v) < std::min(blob.scale, other.scale);
+  });
+}
+
 }  // namespace
 
 BlobFilter::BlobFilter(const unsigned char* mask, int rows, int cols, std::vector<double> scales, int pool)
@@ -42,7 +60,8 @@ BlobFilter::BlobFilter(const unsigned char* mask, int rows, int cols, std::vecto
       small_cols_((cols + pool - 1) / pool),
       scales_(std::move(scales)),
       mask_(mask, mask + static_cast<std::size_t>(rows) * cols),
-      seen_(mask_.size(), 0) {
+      seen_(mask_.size(), 0),
+      taken_(mask_.size(), 0) {
   const std::size_t size = static_cast<std::size_t>(small_rows_) * small_cols_;
   best_.resize(size);
   best_level_.resize(size);
@@ -127,6 +146,24 @@ void BlobFilter::respond(double least_contrast) {
   }
 }
 
+// 1 for a blob, towards kFlattest along a line: a layer's echo is bright everywhere along it, and would
+// otherwise fill the list. Second differences over the blob's own width, so that a line's texture does not
+// make beads of it; their smaller curvature over the larger one.
+double BlobFilter::roundness(int row, int col, int level) const {
+  const int h = std::max(1, static_cast<int>(std::lround(kReach * scales_[level] / pool_)));
+  const auto value = [&](int dr, int dc) {
+    const int r = std::clamp(row + dr * h, 0, small_rows_ - 1), c = std::clamp(col + dc * h, 0, small_cols_ - 1);
+    const std::size_t k = static_cast<std::size_t>(r) * small_cols_ + c;
+    return static_cast<double>(levels_[level][k] - levels_[level + 1][k]);
+  };
+  const double centre = value(0, 0);
+  const double vv = 2 * centre - value(-1, 0) - value(1, 0), uu = 2 * centre - value(0, -1) - value(0, 1);
+  const double uv = 0.25 * (value(-1, 1) + value(1, -1) - value(1, 1) - value(-1, -1));
+  const double mean = 0.5 * (uu + vv), half = std::hypot(0.5 * (uu - vv), uv);
+  if (!(mean > 0)) return kFlattest;
+  return std::clamp((mean - half) / (mean + half) / kRound, kFlattest, 1.0);
+}
+
 // Local maxima, best first, none within the width of a better one.
 std::vector<BlobFilter::Peak> BlobFilter::peaks(double least_score, int most) const {
   std::vector<Peak> found;
@@ -144,7 +181,8 @@ std::vector<BlobFilter::Peak> BlobFilter::peaks(double least_score, int most) co
           // On a plateau the first pixel wins.
           top = dr < 0 || (dr == 0 && dc < 0) ? here > there : here >= there;
         }
-      if (top) found.push_back({r, c, best_level_[static_cast<std::size_t>(r) * n + c], here});
+      const int level = best_level_[static_cast<std::size_t>(r) * n + c];
+      if (top) found.push_back({r, c, level, here * static_cast<float>(roundness(r, c, level))});
     }
   }
   std::sort(found.begin(), found.end(), [](const Peak& a, const Peak& b) {
@@ -162,66 +200,114 @@ std::vector<BlobFilter::Peak> BlobFilter::peaks(double least_score, int most) co
   return kept;
 }
 
-// The centre of mass of the connected pixels above a share of the contrast, weighted by their height
-// above that level, so that a pixel at the rim weighs nothing and noise there does no harm.
-bool BlobFilter::refine(const float* image, const Peak& peak, double level, Blob& blob) {
-  const std::size_t at = static_cast<std::size_t>(peak.row) * small_cols_ + peak.col;
+// The hill around a pixel: connected pixels above a threshold, reached without climbing more than `rise`
+// from the lowest pixel on the way. A valley as deep as that parts an echo from its reverberations.
+void BlobFilter::grow(const float* image, int start, float threshold, float rise, const Box& box) {
+  hill_.assign(1, {start, image[start]});
+  seen_[start] = 1;
+  for (std::size_t head = 0; head < hill_.size(); ++head) {
+    const auto [k, low] = hill_[head];
+    const int r = k / cols_, c = k % cols_;
+    const int next[4][2] = {{r - 1, c}, {r + 1, c}, {r, c - 1}, {r, c + 1}};
+    for (const auto& [rr, cc] : next) {
+      if (rr < box.r0 || rr >= box.r1 || cc < box.c0 || cc >= box.c1) continue;
+      const int j = rr * cols_ + cc;
+      if (seen_[j] || !mask_[j] || !(image[j] > threshold) || image[j] > low + rise) continue;
+      seen_[j] = 1;
+      hill_.push_back({j, std::min(low, image[j])});
+    }
+  }
+  for (const auto& [k, low] : hill_) seen_[k] = 0;
+}
+
+// The brightest pixel near a peak of the pooled responses, and how far it stands out.
+BlobFilter::Summit BlobFilter::summit(const float* image, const Peak& peak) const {
   const double scale = scales_[peak.level];
-  const float surround = levels_[scales_.size() - 1][at];
   const int row = std::min(peak.row * pool_ + pool_ / 2, rows_ - 1);
   const int col = std::min(peak.col * pool_ + pool_ / 2, cols_ - 1);
-  const int reach = std::max(3, static_cast<int>(std::ceil(4 * scale)));
-  const int r0 = std::max(0, row - reach), r1 = std::min(rows_, row + reach + 1);
-  const int c0 = std::max(0, col - reach), c1 = std::min(cols_, col + reach + 1);
   const int near = std::max(pool_, static_cast<int>(std::ceil(scale)));
   int best = -1;
-  for (int r = std::max(r0, row - near); r < std::min(r1, row + near + 1); ++r)
-    for (int c = std::max(c0, col - near); c < std::min(c1, col + near + 1); ++c) {
+  for (int r = std::max(0, row - near); r < std::min(rows_, row + near + 1); ++r)
+    for (int c = std::max(0, col - near); c < std::min(cols_, col + near + 1); ++c) {
       const int k = r * cols_ + c;
       if (mask_[k] && (best < 0 || image[k] > image[best])) best = k;
     }
-  if (best < 0 || !(image[best] > surround)) return false;
-  const float threshold = surround + static_cast<float>(level) * (image[best] - surround);
+  const float surround = levels_.back()[static_cast<std::size_t>(peak.row) * small_cols_ + peak.col];
+  return {best, surround, best < 0 ? 0.0f : image[best] - surround};
+}
 
-  const float floor = getenv("WS") ? surround : threshold;
-  double sum = 0, su = 0, sv = 0, suu = 0, suv = 0, svv = 0;
-  stack_.assign(1, best);
-  seen_[best] = 1;
-  for (std::size_t head = 0; head < stack_.size(); ++head) {
-    const int k = stack_[head], r = k / cols_, c = k % cols_;
-    const double w = image[k] - floor, u = c - col, v = r - row;
-    sum += w, su += w * u, sv += w * v, suu += w * u * u, suv += w * u * v, svv += w * v * v;
-    const int next[4][2] = {{r - 1, c}, {r + 1, c}, {r, c - 1}, {r, c + 1}};
-    for (const auto& [rr, cc] : next) {
-      if (rr < r0 || rr >= r1 || cc < c0 || cc >= c1) continue;
-      const int j = rr * cols_ + cc;
-      if (seen_[j] || !mask_[j] || !(image[j] > threshold)) continue;
-      seen_[j] = 1;
-      stack_.push_back(j);
-    }
+BlobFilter::Box BlobFilter::box_around(int pixel, double reach) const {
+  const int r = pixel / cols_, c = pixel % cols_, n = std::max(3, static_cast<int>(std::ceil(reach)));
+  return {std::max(0, r - n), std::min(rows_, r + n + 1), std::max(0, c - n), std::min(cols_, c + n + 1)};
+}
+
+// Whether a peak is the first on a compact structure. Layers and vessels' walls are long and have peaks all
+// along; without this they would fill the list.
+bool BlobFilter::stands_alone(const float* image, const Peak& peak, const Summit& top) {
+  if (taken_[top.pixel]) return false;
+  grow(image, top.pixel, top.surround + kStructure * top.contrast, 256 * top.contrast,
+       box_around(top.pixel, kStructureReach * scales_[peak.level]));
+  for (const auto& [k, low] : hill_) {
+    if (!taken_[k]) marked_.push_back(k);
+    taken_[k] = 1;
   }
-  for (const int k : stack_) seen_[k] = 0;
-  if (!(sum > 0)) return false;
+  Blob whole;
+  measure(image, top.surround, whole);
+  const double mean = 0.5 * (whole.uu + whole.vv), half = std::hypot(0.5 * (whole.uu - whole.vv), whole.uv);
+  return mean + half < kLong * kLong * (mean - half + 1.0);
+}
+
+// The centre of mass of the hill, cut high enough to have no tail.
+Blob BlobFilter::refine(const float* image, const Peak& peak, const Summit& top, const BlobOptions& options) {
+  Blob blob;
+  const Box box = box_around(top.pixel, 4 * scales_[peak.level]);
+  for (double part = options.level;; part += kLevelStep) {
+    grow(image, top.pixel, static_cast<float>(top.surround + part * top.contrast),
+         static_cast<float>(options.split * top.contrast), box);
+    measure(image, top.surround, blob);
+    if (blob.vv <= options.flatness * blob.uu || part + kLevelStep > kHighestLevel) break;
+  }
+  blob.score = peak.score;
+  blob.scale = scales_[peak.level];
+  blob.contrast = top.contrast;
+  return blob;
+}
+
+// Centre and moments of the hill, weighted by height above the surround.
+void BlobFilter::measure(const float* image, float surround, Blob& blob) const {
+  const int row = hill_[0].first / cols_, col = hill_[0].first % cols_;
+  double sum = 0, su = 0, sv = 0, suu = 0, suv = 0, svv = 0;
+  for (const auto& [k, low] : hill_) {
+    const double w = image[k] - surround, u = k % cols_ - col, v = k / cols_ - row;
+    sum += w, su += w * u, sv += w * v, suu += w * u * u, suv += w * u * v, svv += w * v * v;
+  }
   const double mu = su / sum, mv = sv / sum;
-  blob = {col + mu, row + mv, peak.score, scale, image[best] - surround,
-          suu / sum - mu * mu, suv / sum - mu * mv, svv / sum - mv * mv, static_cast<double>(stack_.size())};
-  return true;
+  blob.u = col + mu;
+  blob.v = row + mv;
+  blob.uu = suu / sum - mu * mu;
+  blob.uv = suv / sum - mu * mv;
+  blob.vv = svv / sum - mv * mv;
+  blob.area = static_cast<double>(hill_.size());
 }
 
 std::vector<Blob> BlobFilter::detect(const float* image, const BlobOptions& options) {
   pool_image(image);
   respond(options.least_contrast);
-  std::vector<Blob> blobs;
-  // Two peaks of one blob end at the same place; some more than asked for make up for them.
-  for (const Peak& peak : peaks(options.least_score, 2 * options.count + 5)) {
-    Blob blob;
+  std::vector<Blob> blobs, spare;
+  for (const Peak& peak : peaks(options.least_score, kPeaksTried * options.count)) {
     if (static_cast<int>(blobs.size()) == options.count) break;
-    if (!refine(image, peak, options.level, blob)) continue;
-    const bool apart = std::none_of(blobs.begin(), blobs.end(), [&](const Blob& other) {
-      return std::hypot(blob.u - other.u, blob.v - other.v) < std::min(blob.scale, other.scale);
-    });
-    if (apart) blobs.push_back(blob);
+    const Summit top = summit(image, peak);
+    if (top.pixel < 0 || !(top.contrast > 0)) continue;
+    const bool alone = stands_alone(image, peak, top);
+    Blob blob = refine(image, peak, top, options);
+    if (!alone) blob.score *= kSpare;
+    if (apart(blobs, blob) && apart(spare, blob)) (alone ? blobs : spare).push_back(blob);
   }
+  for (const int k : marked_) taken_[k] = 0;
+  marked_.clear();
+  blobs.insert(blobs.end(), spare.begin(), spare.end());
+  std::stable_sort(blobs.begin(), blobs.end(), [](const Blob& a, const Blob& b) { return a.score > b.score; });
+  blobs.resize(std::min<std::size_t>(blobs.size(), options.count));
   return blobs;
 }
 

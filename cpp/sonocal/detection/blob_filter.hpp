@@ -1,6 +1,7 @@
 // Bright blobs of a grey image at several scales, sub-pixel.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 namespace sonocal {
@@ -19,6 +20,8 @@ struct BlobOptions {
   double least_score = 4;
   double least_contrast = 1;  // floor of the noise, grey levels: black images have none
   double level = 0.5;         // of the contrast, above which a pixel belongs to the blob
+  double split = 0.3;         // of the contrast, the depth of a valley that ends the blob
+  double flatness = 0.5;      // greatest vv / uu; what is taller has a tail and is cut higher up
 };
 
 // Differences of Gaussians, normalised so that masked pixels and the image's border have no weight:
@@ -45,8 +48,21 @@ class BlobFilter {
   void pool_image(const float* image);
   void blur(std::vector<float>& values, const std::vector<float>& half_kernel);
   void respond(double least_contrast);
+  double roundness(int row, int col, int level) const;
   std::vector<Peak> peaks(double least_score, int most) const;
-  bool refine(const float* image, const Peak& peak, double level, Blob& blob);
+  struct Summit {
+    int pixel;  // -1: all masked
+    float surround, contrast;
+  };
+  struct Box {
+    int r0, r1, c0, c1;
+  };
+  void grow(const float* image, int start, float threshold, float rise, const Box& box);
+  void measure(const float* image, float surround, Blob& blob) const;
+  Summit summit(const float* image, const Peak& peak) const;
+  Box box_around(int pixel, double reach) const;
+  bool stands_alone(const float* image, const Peak& peak, const Summit& top);
+  Blob refine(const float* image, const Peak& peak, const Summit& top, const BlobOptions& options);
 
   int rows_, cols_, pool_, small_rows_, small_cols_;
   std::vector<double> scales_;
@@ -57,8 +73,9 @@ class BlobFilter {
   std::vector<std::vector<float>> levels_;         // L_i
   std::vector<float> best_, scratch_, pooled_;     // best: greatest response / noise over the scales
   std::vector<int> best_level_;
-  std::vector<int> stack_;
-  std::vector<unsigned char> seen_;
+  std::vector<std::pair<int, float>> hill_;  // pixel, lowest value on the way to it
+  std::vector<unsigned char> seen_, taken_;  // by the hill being grown; by structures of this image
+  std::vector<int> marked_;                  // where taken_ is set
 };
 
 }  // namespace sonocal
