@@ -3,22 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sonocal/detection/gaussian_blur.hpp"
+
 namespace sonocal {
 namespace {
-
-// One half of a Gaussian's taps, from the centre; the sum over both halves is 1.
-std::vector<float> half_gaussian(double sigma) {
-  const int radius = std::max(1, static_cast<int>(std::ceil(3 * sigma)));
-  std::vector<double> taps(radius + 1);
-  double sum = 0;
-  for (int i = 0; i <= radius; ++i) {
-    taps[i] = std::exp(-0.5 * i * i / (sigma * sigma));
-    sum += i ? 2 * taps[i] : taps[i];
-  }
-  std::vector<float> out;
-  for (const double tap : taps) out.push_back(static_cast<float>(tap / sum));
-  return out;
-}
 
 // The median of |values| where the weight is whole, from every few of them.
 float median_magnitude(const std::vector<float>& values, const std::vector<float>& weight) {
@@ -74,9 +62,9 @@ BlobFilter::BlobFilter(const unsigned char* mask, int rows, int cols, std::vecto
   std::vector<float> values = weight_;
   for (const double scale : scales_) {
     const double sigma = scale / pool_;
-    kernels_.push_back(half_gaussian(std::sqrt(sigma * sigma - before * before)));
+    steps_.push_back(std::sqrt(sigma * sigma - before * before));
     before = sigma;
-    blur(values, kernels_.back());
+    blur(values, steps_.back());
     normalisers_.push_back(values);
     for (float& x : normalisers_.back()) x = x > 1e-3f ? 1 / x : 0;
   }
@@ -99,36 +87,16 @@ void BlobFilter::pool_image(const float* image) {
   }
 }
 
-// Separable; outside the image there is nothing, which the normaliser undoes.
-void BlobFilter::blur(std::vector<float>& values, const std::vector<float>& half) {
-  const int radius = static_cast<int>(half.size()) - 1, n = small_cols_;
-  std::vector<float> padded(n + 2 * radius, 0.0f);
-  for (int r = 0; r < small_rows_; ++r) {
-    const float* in = values.data() + static_cast<std::size_t>(r) * n;
-    float* out = scratch_.data() + static_cast<std::size_t>(r) * n;
-    std::copy_n(in, n, padded.begin() + radius);
-    const float* centre = padded.data() + radius;
-    for (int c = 0; c < n; ++c) out[c] = half[0] * centre[c];
-    for (int k = 1; k <= radius; ++k)
-      for (int c = 0; c < n; ++c) out[c] += half[k] * (centre[c - k] + centre[c + k]);
-  }
-  for (int r = 0; r < small_rows_; ++r) {
-    float* out = values.data() + static_cast<std::size_t>(r) * n;
-    std::fill_n(out, n, 0.0f);
-    for (int k = -radius; k <= radius; ++k) {
-      if (r + k < 0 || r + k >= small_rows_) continue;
-      const float* in = scratch_.data() + static_cast<std::size_t>(r + k) * n;
-      const float tap = half[std::abs(k)];
-      for (int c = 0; c < n; ++c) out[c] += tap * in[c];
-    }
-  }
+// Outside the image there is nothing, which the normaliser undoes.
+void BlobFilter::blur(std::vector<float>& values, double sigma) {
+  gaussian_blur(values, scratch_, small_rows_, small_cols_, sigma);
 }
 
 void BlobFilter::respond(double least_contrast) {
   const std::size_t size = best_.size();
   std::vector<float>& running = pooled_;
   for (std::size_t i = 0; i < scales_.size(); ++i) {
-    blur(running, kernels_[i]);
+    blur(running, steps_[i]);
     const float* normaliser = normalisers_[i].data();
     for (std::size_t k = 0; k < size; ++k) levels_[i][k] = running[k] * normaliser[k];
   }

@@ -46,7 +46,7 @@ class BlobFilter {
   };
 
   void pool_image(const float* image);
-  void blur(std::vector<float>& values, const std::vector<float>& half_kernel);
+  void blur(std::vector<float>& values, double sigma);
   void respond(double least_contrast);
   double roundness(int row, int col, int level) const;
   std::vector<Peak> peaks(double least_score, int most) const;
@@ -68,7 +68,7 @@ class BlobFilter {
   std::vector<double> scales_;
   std::vector<unsigned char> mask_;
   std::vector<float> weight_;                      // pooled mask, 0 to 1
-  std::vector<std::vector<float>> kernels_;        // from one scale to the next
+  std::vector<double> steps_;                      // blur from one scale to the next, pooled px
   std::vector<std::vector<float>> normalisers_;    // 1 / G(s_i) * m; 0 where nothing is near
   std::vector<std::vector<float>> levels_;         // L_i
   std::vector<float> best_, scratch_, pooled_;     // best: greatest response / noise over the scales

@@ -12,13 +12,15 @@ from sonocal.geometry import Array, Similarity
 from sonocal.recording import ImageGeometry, Line, Poses, Provenance, Recording
 from sonocal.recording.frames import Frames, Image
 from sonocal.simulation.sweep_motion import HandMotion
-from sonocal.simulation.ultrasound import Look, UltrasoundImager
+from sonocal.simulation.ultrasound import Echo, Look, UltrasoundImager
 from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear
 from sonocal.simulation.ultrasound_scenery import Scenery
 
 __all__ = ["NEEDLE_MM", "SimulatedSweep", "SweepOptions", "Truth", "simulate_sweep"]
 
 NEEDLE_MM = 400.0
+CLEAR_MM = 5.0
+FAINT = 0.02  # amplitude below which another echo is lost in speckle
 NEEDLE = Line("needle", "Needle", np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -NEEDLE_MM]]))
 
 
@@ -46,8 +48,8 @@ class SweepOptions:
     hidden_share: float = 0.2
     dropout_share: float = 0.0
     latency_s: float = 0.0
-    compact: float = 3.0
-    interfaces: float = 1.0
+    compact: float = 2.0
+    interfaces: float = 0.5
     overlay: bool = False
     seed: int = 0
 
@@ -69,12 +71,14 @@ class Truth:
         probe_from_image: the calibration.
         points_px: (N, 2): where the needle crosses the image; (N, 2, 3) in 3D: two points of it.
         visible: (N,): whether it shows.
+        clear: (N,): whether it shows and nothing else bright is within 5 mm of it, nor a shadow over it (2D).
         latency_s: of the tracker behind the images.
     """
 
     probe_from_image: Similarity
     points_px: Array
     visible: NDArray[np.bool_]
+    clear: NDArray[np.bool_]
     latency_s: float
 
 
@@ -120,7 +124,11 @@ def simulate_sweep(
         image=ImageGeometry(geometry.size_px, 1, "uint8", "MFA" if geometry.dimension == 3 else "MF", np.eye(4)),
         provenance=Provenance(name=f"simulation (seed {options.seed})"),
     )
-    return SimulatedSweep(recording, (NEEDLE,), Truth(probe_from_image, _points(needle_mm, geometry), visible, options.latency_s), options)
+    points = _points(needle_mm, geometry)
+    clear = visible if geometry.dimension == 3 else visible & frames.apart(points * geometry.scale_mm_per_px)
+    return SimulatedSweep(
+        recording, (NEEDLE,), Truth(probe_from_image, points, visible, clear, options.latency_s), options
+    )
 
 
 class SimulatedFrames(Frames):
@@ -129,6 +137,7 @@ class SimulatedFrames(Frames):
     def __init__(
         self, geometry: ProbeGeometry, look: Look | None, options: SweepOptions, needle_mm: Array, visible: NDArray[np.bool_]
     ) -> None:
+        self._geometry = geometry
         self._imager = UltrasoundImager(geometry, look)
         self._options, self._needle, self._visible = options, needle_mm, visible
         self._scenery = Scenery(
@@ -150,6 +159,23 @@ class SimulatedFrames(Frames):
             _draw_overlay(image)
         image.flags.writeable = False
         return image
+
+    def apart(self, points_mm: Array) -> NDArray[np.bool_]:
+        """(N,): whether the points (N, 2), one an image, are clear of other echoes and of shadows."""
+        clear = np.ones(len(self), dtype=bool)
+        for index, point in enumerate(points_mm):
+            rng = np.random.default_rng([self._options.seed, 2, index])
+            echoes = self._scenery.echoes(index / self._options.rate_hz, rng)
+            clear[index] = all(_apart(self._geometry, e, point) for e in echoes if np.abs(e.amplitudes).max() > FAINT)
+        return clear
+
+
+def _apart(geometry: ProbeGeometry, echo: Echo, point_mm: Array) -> bool:
+    """Whether a point is neither near an echo nor behind one that casts a shadow."""
+    beams, place = geometry.beams_of(echo.points_mm), geometry.beams_of(np.append(point_mm, 0.0))
+    near = (np.linalg.norm(echo.points_mm[:, :2] - point_mm, axis=1) < CLEAR_MM).any()
+    under = echo.shadow > 0 and np.min(beams[:, 1]) < place[1] < np.max(beams[:, 1]) and place[0] > beams[:, 0].min()
+    return not (near or under)
 
 
 def _points(needle_mm: Array, geometry: ProbeGeometry) -> Array:

@@ -13,7 +13,7 @@ STEP_S = 0.02
 MARGIN_S = 2.0
 SLOW_S, QUICK_S = 0.5, 0.35
 """Times over which a hand forgets where it was: the probe's, and the needle's."""
-TILT = 0.6
+TILT = 0.5
 """Standard deviation of the needle's slope against the image's normal."""
 
 
@@ -74,10 +74,10 @@ class HandMotion:
 
     def _place(self, depth: Array, lateral: Array, sweep: Array | float = 0.0) -> Array:
         """A place in the fan from three normal deviates, evenly over its depth and width."""
-        sweep = 1.6 * _uniform(np.asarray(sweep)) - 0.8 if self._geometry.dimension == 3 else 0.0
         if self._geometry.dimension == 3:
+            sweep = 1.6 * _uniform(np.asarray(sweep)) - 0.8
             return self._geometry.point_at(0.15 + 0.75 * _uniform(depth), np.clip(lateral, -0.9, 0.9), sweep)
-        return self._geometry.point_at(0.08 + 0.86 * _uniform(depth), 1.8 * _uniform(lateral) - 0.9, sweep)
+        return self._geometry.point_at(0.08 + 0.86 * _uniform(depth), 1.8 * _uniform(lateral) - 0.9)
 
 
 def _wander(rng: np.random.Generator, duration_s: float, memory_s: list[float]):  # type: ignore[no-untyped-def]

@@ -49,8 +49,8 @@ class Look:
 
     speckle_db: float = -40.0
     needle_db: float = 0.0
-    oblique_db: float = -14.0
-    specular: float = 0.4
+    oblique_db: float = -10.0
+    specular: float = 0.5
     tail_db: float = -7.0
     tail_mm: float = 1.6
     tail_count: int = 8
