@@ -17,7 +17,7 @@ from sonocal.calibration import Calibration, calibrate
 from sonocal.diagnostics import Diagnostic
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
-from sonocal.observations import Observations
+from sonocal.observations import Observations, group_codes
 
 __all__ = ["CandidateCalibration", "calibrate_candidates", "predicted_points"]
 
@@ -67,7 +67,7 @@ def calibrate_candidates(
 
     Args:
         candidates: one row a candidate, best first within a frame and target; in 3D two or more rows a line
-            candidate, with the candidate's number in `extra["candidate"]`.
+            candidate, with the candidate's number as `split`.
         sightings: images and needles looked at, where some had no candidate at all.
         look_again: given a calibration and a distance in mm, candidates near where the needles must be.
         threshold_mm: candidates further than this from their needle are wrong.
@@ -91,7 +91,7 @@ def calibrate_candidates(
         table = _Table(look_again(calibration.probe_from_image, threshold_mm))
         calibration, chosen = _settle(table, calibration, threshold_mm, seed, options)
     observations = candidates_at(table.rows, chosen)
-    used = len(np.unique(observations.sightings))
+    used = len(np.unique(group_codes(observations.frame, observations.target)))
     reasons = {"no candidate found": total - table.count, "no candidate near the needle": table.count - used}
     found = _report(used, total, reasons)
     calibration = replace(calibration, diagnostics=(*calibration.diagnostics, found))
@@ -121,17 +121,14 @@ class _Table:
     def __init__(self, rows: Observations) -> None:
         self.rows = rows
         self.points = homogeneous_points(rows.points_px)
-        self.sighting = rows.sightings
+        self.sighting = group_codes(rows.frame, rows.target)
         self.count = int(self.sighting.max()) + 1 if len(rows) else 0
-        if rows.dimension == 3 and "candidate" in rows.extra:
-            rank = rows.extra["candidate"].astype(np.int64)
-            self.rank = rank
-        elif rows.dimension == 3:
-            self.rank = np.zeros(len(rows), dtype=np.int64)
+        if rows.dimension == 3:
+            self.candidate = rows.sightings
+            self.rank = np.array([int(name or 0) for name in rows.split], dtype=np.int64)
         else:
+            self.candidate = np.arange(len(rows))
             self.rank = _ranks(self.sighting)
-        key = self.sighting * (int(self.rank.max(initial=0)) + 1) + self.rank
-        _, self.candidate = np.unique(key, return_inverse=True)
         self.owner = np.zeros(int(self.candidate.max(initial=-1)) + 1, dtype=np.int64)
         self.owner[self.candidate] = self.sighting
 
@@ -142,22 +139,26 @@ class _Table:
         np.maximum.at(worst, self.candidate, distance)
         least = np.full(self.count, np.inf)
         np.minimum.at(least, self.owner, worst)
-        best = (worst == least[self.owner]) & (worst <= threshold_mm)
-        return np.asarray(best[self.candidate])
+        best: NDArray[np.bool_] = (worst == least[self.owner]) & (worst <= threshold_mm)
+        return best[self.candidate]
 
     def agreeing(self, chosen: NDArray[np.bool_]) -> int:
         """How many sightings the chosen rows belong to."""
         return len(np.unique(self.sighting[chosen]))
 
 
-def _first_consensus(table: _Table, total: int, threshold_mm: float, seed: int, options: dict[str, Any]) -> Calibration:
+def _first_consensus(
+    table: _Table, total: int, threshold_mm: float, seed: int, options: dict[str, Any]
+) -> Calibration:
     """The calibration that most sightings agree with, tried on ever lower ranks."""
     best: tuple[int, Calibration] | None = None
     refusal: Exception | None = None
     for most in RANKS:
         keep = table.rank < most
         try:
-            found = calibrate(candidates_at(table.rows, keep), threshold_mm=threshold_mm, seed=seed, **options)
+            found = calibrate(
+                candidates_at(table.rows, keep), threshold_mm=threshold_mm, seed=seed, **options
+            )
         except (NoConsensusError, DegenerateGeometryError, InputError) as error:
             refusal = refusal or error
             continue
@@ -168,7 +169,10 @@ def _first_consensus(table: _Table, total: int, threshold_mm: float, seed: int, 
             break
     if best is None:
         raise refusal or _nothing_found(table, total, 0)
-    if best[0] < max(LEAST_SIGHTINGS if total > LEAST_SIGHTINGS else 0, CHANCE_FACTOR * _by_chance(table, best[1], threshold_mm)):
+    if best[0] < max(
+        LEAST_SIGHTINGS if total > LEAST_SIGHTINGS else 0,
+        CHANCE_FACTOR * _by_chance(table, best[1], threshold_mm),
+    ):
         raise _nothing_found(table, total, best[0])
     return best[1]
 
@@ -178,7 +182,9 @@ def _by_chance(table: _Table, calibration: Calibration, threshold_mm: float) -> 
     count = 0
     shifts = [len(table.rows) // 3, len(table.rows) // 2, 2 * len(table.rows) // 3]
     for shift in shifts:
-        distance = _distances(calibration.probe_from_image, table.points, np.roll(table.rows.segments_mm, shift, axis=0))
+        distance = _distances(
+            calibration.probe_from_image, table.points, np.roll(table.rows.segments_mm, shift, axis=0)
+        )
         count += len(np.unique(table.sighting[distance <= threshold_mm]))
     return count / len(shifts) if table.rows.dimension == 2 else 0.0
 
@@ -191,7 +197,9 @@ def _settle(
     for _ in range(ROUNDS):
         within = min(threshold_mm, _fitting_threshold(table, calibration.probe_from_image, chosen))
         closer = table.nearest(calibration.probe_from_image, within)
-        calibration = calibrate(candidates_at(table.rows, closer), threshold_mm=threshold_mm, seed=seed, **options)
+        calibration = calibrate(
+            candidates_at(table.rows, closer), threshold_mm=threshold_mm, seed=seed, **options
+        )
         if np.array_equal(closer, chosen):
             break
         chosen = closer
@@ -220,8 +228,8 @@ def _report(used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
 def _nothing_found(table: _Table, total: int, best: int) -> NoConsensusError:
     return NoConsensusError(
         f"{table.rows.source}: no calibration agrees with more than {best} of {total} images; {len(table.owner)} "
-        f"candidates in {table.count} images were tried, and so few agree by chance; check in the contact sheet that the "
-        "needle is visible and marked",
+        f"candidates in {table.count} images were tried, and so few agree by chance; check in the contact sheet that "
+        "the needle is visible and marked",
         best_count=best,
     )
 

@@ -19,16 +19,16 @@ float median_magnitude(const std::vector<float>& values, const std::vector<float
   return sample[sample.size() / 2];
 }
 
-constexpr double kReach = 2.5;     // of a blob's standard deviation
-constexpr double kRound = 0.4;     // ratio of curvatures that counts as round: needles cross obliquely
+constexpr double kReach = 2.5;  // of a blob's standard deviation
+constexpr double kRound = 0.4;  // ratio of curvatures that counts as round: needles cross obliquely
 constexpr double kFlattest = 0.05;
 constexpr double kLevelStep = 0.15;
 constexpr double kHighestLevel = 0.85;
 
-constexpr float kStructure = 0.4f;         // of the contrast: above it lies what a peak belongs to
-constexpr double kStructureReach = 12;     // of the scale
-constexpr double kLong = 4;                // length over breadth from which a structure is no needle's section
-constexpr double kSpare = 0.25;            // what a peak on such a structure still counts
+constexpr float kStructure = 0.4f;      // of the contrast: above it lies what a peak belongs to
+constexpr double kStructureReach = 12;  // of the scale
+constexpr double kLong = 4;             // length over breadth from which a structure is no needle's section
+constexpr double kSpare = 0.25;         // what a peak on such a structure still counts
 constexpr int kPeaksTried = 8;
 
 // Two peaks of one blob end at the same place.
@@ -120,7 +120,8 @@ void BlobFilter::respond(double least_contrast) {
 double BlobFilter::roundness(int row, int col, int level) const {
   const int h = std::max(1, static_cast<int>(std::lround(kReach * scales_[level] / pool_)));
   const auto value = [&](int dr, int dc) {
-    const int r = std::clamp(row + dr * h, 0, small_rows_ - 1), c = std::clamp(col + dc * h, 0, small_cols_ - 1);
+    const int r = std::clamp(row + dr * h, 0, small_rows_ - 1),
+              c = std::clamp(col + dc * h, 0, small_cols_ - 1);
     const std::size_t k = static_cast<std::size_t>(r) * small_cols_ + c;
     return static_cast<double>(levels_[level][k] - levels_[level + 1][k]);
   };
@@ -274,7 +275,8 @@ std::vector<Blob> BlobFilter::detect(const float* image, const BlobOptions& opti
   for (const int k : marked_) taken_[k] = 0;
   marked_.clear();
   blobs.insert(blobs.end(), spare.begin(), spare.end());
-  std::stable_sort(blobs.begin(), blobs.end(), [](const Blob& a, const Blob& b) { return a.score > b.score; });
+  std::stable_sort(blobs.begin(), blobs.end(),
+                   [](const Blob& a, const Blob& b) { return a.score > b.score; });
   blobs.resize(std::min<std::size_t>(blobs.size(), options.count));
   return blobs;
 }

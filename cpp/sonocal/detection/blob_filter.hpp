@@ -7,12 +7,12 @@
 namespace sonocal {
 
 struct Blob {
-  double u, v;           // px of the image; the origin is the centre of the first pixel
-  double score;          // contrast in units of the image's own noise at the blob's scale
-  double scale;          // standard deviation of the centre's filter, px
-  double contrast;       // of the peak above its surround, grey levels
-  double uu, uv, vv;     // second moments of the blob's bright part, px^2
-  double area;           // pixels of the bright part
+  double u, v;        // px of the image; the origin is the centre of the first pixel
+  double score;       // contrast in units of the image's own noise at the blob's scale
+  double scale;       // standard deviation of the centre's filter, px
+  double contrast;    // of the peak above its surround, grey levels
+  double uu, uv, vv;  // second moments of the blob's bright part, px^2
+  double area;        // pixels of the bright part
 };
 
 struct BlobOptions {
@@ -67,11 +67,11 @@ class BlobFilter {
   int rows_, cols_, pool_, small_rows_, small_cols_;
   std::vector<double> scales_;
   std::vector<unsigned char> mask_;
-  std::vector<float> weight_;                      // pooled mask, 0 to 1
-  std::vector<double> steps_;                      // blur from one scale to the next, pooled px
-  std::vector<std::vector<float>> normalisers_;    // 1 / G(s_i) * m; 0 where nothing is near
-  std::vector<std::vector<float>> levels_;         // L_i
-  std::vector<float> best_, scratch_, pooled_;     // best: greatest response / noise over the scales
+  std::vector<float> weight_;                    // pooled mask, 0 to 1
+  std::vector<double> steps_;                    // blur from one scale to the next, pooled px
+  std::vector<std::vector<float>> normalisers_;  // 1 / G(s_i) * m; 0 where nothing is near
+  std::vector<std::vector<float>> levels_;       // L_i
+  std::vector<float> best_, scratch_, pooled_;   // best: greatest response / noise over the scales
   std::vector<int> best_level_;
   std::vector<std::pair<int, float>> hill_;  // pixel, lowest value on the way to it
   std::vector<unsigned char> seen_, taken_;  // by the hill being grown; by structures of this image

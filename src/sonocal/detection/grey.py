@@ -31,15 +31,21 @@ def as_grey(image: NDArray[Any], dimension: int = 2, name: str = "image") -> NDA
         UnsupportedError: its pixels are not real numbers.
     """
     if image.ndim == dimension + 1 and image.shape[-1] in (3, 4):
-        image = image[..., :3].astype(np.float32) @ WEIGHTS if image.dtype == np.uint8 else image[..., :3].mean(-1)
+        image = (
+            image[..., :3].astype(np.float32) @ WEIGHTS
+            if image.dtype == np.uint8
+            else image[..., :3].mean(-1)
+        )
         image = image.astype(np.uint8) if image.max(initial=0) <= 255 else image
     if image.ndim != dimension or min(image.shape) < LEAST_SIDE_PX:
         raise InputError(
-            f"{name}: detection needs {'volumes' if dimension == 3 else 'images'} of {LEAST_SIDE_PX} px or more a side; "
+            f"{name}: detection needs {dimension}D images of {LEAST_SIDE_PX} px or more a side; "
             f"got shape {image.shape}"
         )
     if image.dtype.kind not in "uifb":
-        raise UnsupportedError(f"{name}: pixels of type {image.dtype} are not grey levels; convert them to uint8")
+        raise UnsupportedError(
+            f"{name}: pixels of type {image.dtype} are not grey levels; convert them to uint8"
+        )
     grey = np.ascontiguousarray(image, dtype=np.float32)
     if image.dtype == np.uint8:
         return grey

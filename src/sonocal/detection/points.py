@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -101,13 +102,17 @@ class PointDetector:
         least_score: float = LEAST_SCORE,
     ) -> None:
         scales = scales_px or default_scales(mask.shape)
-        if count < 1 or len(scales) < 2 or not all(0 < a < b for a, b in zip(scales, scales[1:], strict=False)):
-            raise InputError(f"detection needs a count and two or more increasing scales; got {count} and {scales}")
+        if count < 1 or len(scales) < 2 or not all(0 < a < b for a, b in pairwise(scales)):
+            raise InputError(
+                f"detection needs a count and two or more increasing scales; got {count} and {scales}"
+            )
         if not mask.any():
             raise InputError("the mask hides the whole image; give another one")
         if centre not in CUTS:
             raise InputError(f"centre must be one of {', '.join(CUTS)}; got {centre!r}")
-        self._filter = _core.BlobFilter(np.ascontiguousarray(mask, dtype=np.uint8), list(scales), max(1, round(scales[0])))
+        self._filter = _core.BlobFilter(
+            np.ascontiguousarray(mask, dtype=np.uint8), list(scales), max(1, round(scales[0]))
+        )
         self._shape, self._count, self._least, self._centre = mask.shape, count, least_score, centre
 
     def detect(self, image: NDArray[Any], name: str = "image") -> tuple[Array, Array, Array]:
@@ -121,7 +126,9 @@ class PointDetector:
         """
         grey = as_grey(image, 2, name)
         if grey.shape != self._shape:
-            raise InputError(f"{name}: is {grey.shape} where the mask is {self._shape}; give one of the same size")
+            raise InputError(
+                f"{name}: is {grey.shape} where the mask is {self._shape}; give one of the same size"
+            )
         level, split, flatness = CUTS[self._centre]
         blobs = self._filter.detect(
             grey,

@@ -114,14 +114,17 @@ def simulate_sweep(
     needle_mm = motion.needle(times)
     jitter = np.zeros_like(needle_mm)
     jitter[..., : geometry.dimension] = rng.normal(
-        scale=options.sigma_px * geometry.scale_mm_per_px, size=(options.frames, geometry.dimension - 1, geometry.dimension)
+        scale=options.sigma_px * geometry.scale_mm_per_px,
+        size=(options.frames, geometry.dimension - 1, geometry.dimension),
     )
     frames = SimulatedFrames(geometry, look, options, needle_mm + jitter, visible)
     recording = Recording(
         times=times,
         frames=frames,
-        poses=_poses(motion, probe_from_image, geometry.scale_mm_per_px, times, options, rng),
-        image=ImageGeometry(geometry.size_px, 1, "uint8", "MFA" if geometry.dimension == 3 else "MF", np.eye(4)),
+        poses=_poses(motion, probe_from_image, times, options, rng),
+        image=ImageGeometry(
+            geometry.size_px, 1, "uint8", "MFA" if geometry.dimension == 3 else "MF", np.eye(4)
+        ),
         provenance=Provenance(name=f"simulation (seed {options.seed})"),
     )
     points = _points(needle_mm, geometry)
@@ -135,7 +138,12 @@ class SimulatedFrames(Frames):
     """Images of a needle, made when they are asked for, each from its own random numbers."""
 
     def __init__(
-        self, geometry: ProbeGeometry, look: Look | None, options: SweepOptions, needle_mm: Array, visible: NDArray[np.bool_]
+        self,
+        geometry: ProbeGeometry,
+        look: Look | None,
+        options: SweepOptions,
+        needle_mm: Array,
+        visible: NDArray[np.bool_],
     ) -> None:
         self._geometry = geometry
         self._imager = UltrasoundImager(geometry, look)
@@ -166,7 +174,9 @@ class SimulatedFrames(Frames):
         for index, point in enumerate(points_mm):
             rng = np.random.default_rng([self._options.seed, 2, index])
             echoes = self._scenery.echoes(index / self._options.rate_hz, rng)
-            clear[index] = all(_apart(self._geometry, e, point) for e in echoes if np.abs(e.amplitudes).max() > FAINT)
+            clear[index] = all(
+                _apart(self._geometry, e, point) for e in echoes if np.abs(e.amplitudes).max() > FAINT
+            )
         return clear
 
 
@@ -174,7 +184,11 @@ def _apart(geometry: ProbeGeometry, echo: Echo, point_mm: Array) -> bool:
     """Whether a point is neither near an echo nor behind one that casts a shadow."""
     beams, place = geometry.beams_of(echo.points_mm), geometry.beams_of(np.append(point_mm, 0.0))
     near = (np.linalg.norm(echo.points_mm[:, :2] - point_mm, axis=1) < CLEAR_MM).any()
-    under = echo.shadow > 0 and np.min(beams[:, 1]) < place[1] < np.max(beams[:, 1]) and place[0] > beams[:, 0].min()
+    under = (
+        echo.shadow > 0
+        and np.min(beams[:, 1]) < place[1] < np.max(beams[:, 1])
+        and place[0] > beams[:, 0].min()
+    )
     return not (near or under)
 
 
@@ -187,12 +201,16 @@ def _points(needle_mm: Array, geometry: ProbeGeometry) -> Array:
 
 
 def _poses(
-    motion: HandMotion, probe_from_image: Similarity, scale: float, times: Array, options: SweepOptions, rng: np.random.Generator
+    motion: HandMotion,
+    probe_from_image: Similarity,
+    times: Array,
+    options: SweepOptions,
+    rng: np.random.Generator,
 ) -> dict[str, Poses]:
     # The pose stamped t was true at t - latency.
     instants = times - options.latency_s
     tracker_from_probe = motion.probe(instants)
-    ends_probe = probe_from_image @ (motion.needle_ends(instants, NEEDLE_MM) / scale)
+    ends_probe = probe_from_image @ (motion.needle_ends(instants, NEEDLE_MM) / probe_from_image.scale)
     ends_probe = ends_probe + rng.normal(scale=options.sigma_mm, size=ends_probe.shape)
     probe_from_needle = _needle_poses(ends_probe, motion.roll(instants))
     lost = _runs(rng, len(times), options.dropout_share)

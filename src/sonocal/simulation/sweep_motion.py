@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sonocal.geometry import Array
@@ -13,7 +15,7 @@ STEP_S = 0.02
 MARGIN_S = 2.0
 SLOW_S, QUICK_S = 0.5, 0.35
 """Times over which a hand forgets where it was: the probe's, and the needle's."""
-TILT = 0.5
+TILT = 0.7
 """Standard deviation of the needle's slope against the image's normal."""
 
 
@@ -80,7 +82,7 @@ class HandMotion:
         return self._geometry.point_at(0.08 + 0.86 * _uniform(depth), 1.8 * _uniform(lateral) - 0.9)
 
 
-def _wander(rng: np.random.Generator, duration_s: float, memory_s: list[float]):  # type: ignore[no-untyped-def]
+def _wander(rng: np.random.Generator, duration_s: float, memory_s: list[float]) -> Callable[[Array], Array]:
     """A spline of smooth normal deviates, one column a memory time."""
     from scipy.interpolate import CubicSpline
     from scipy.ndimage import gaussian_filter1d
@@ -93,7 +95,8 @@ def _wander(rng: np.random.Generator, duration_s: float, memory_s: list[float]):
         noise = rng.standard_normal(len(times) + int(8 * steps))
         smooth = gaussian_filter1d(noise, steps)[int(4 * steps) :][: len(times)]
         columns.append(smooth * np.sqrt(2 * steps * np.sqrt(np.pi)))
-    return CubicSpline(times, np.column_stack(columns))
+    spline: Callable[[Array], Array] = CubicSpline(times, np.column_stack(columns))
+    return spline
 
 
 def _uniform(normal: Array) -> Array:

@@ -9,9 +9,10 @@ B-scans, IEEE Trans. Sonics Ultrasonics 30, 1983).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sonocal.geometry import Array
 from sonocal.simulation.ultrasound_probe import ProbeGeometry
@@ -70,7 +71,12 @@ BATH = Look(speckle_db=-66.0, needle_db=0.0, near_field_db=10.0, noise_db=-66.0)
 """A needle in water at low gain: black but for what reflects, as in recordings of wire phantoms."""
 
 SMALL_PARTS = Look(
-    axial_mm=0.15, lateral_mm=(0.3, 0.5), elevation_mm=(0.5, 0.9), tail_mm=0.8, tail_count=6, attenuation_db=4.0
+    axial_mm=0.15,
+    lateral_mm=(0.3, 0.5),
+    elevation_mm=(0.5, 0.9),
+    tail_mm=0.8,
+    tail_count=6,
+    attenuation_db=4.0,
 )
 """A linear probe of higher frequency: finer in every direction."""
 
@@ -81,12 +87,12 @@ class Echo:
 
     Attributes:
         points_mm: (N, 3).
-        amplitudes: (N,): of white, before gain; 1 is 0 dB.
+        amplitudes: (N,): of white, before gain; 1 is 0 dB. Complex where the phases are given, else they are random.
         shadow: share of the amplitude that is lost behind the echo, 0 to 1.
     """
 
     points_mm: Array
-    amplitudes: Array
+    amplitudes: NDArray[Any]
     shadow: float = 0.0
 
 
@@ -121,7 +127,9 @@ class UltrasoundImager:
         for echo in echoes:
             self._deposit(field, echo, rng)
         field = self._blur(field)
-        noise = _complex_normal(rng, field.shape) * self._along_depth(_amplitude(self.look.noise_db) * self._depth)
+        noise = _complex_normal(rng, field.shape) * self._along_depth(
+            _amplitude(self.look.noise_db) * self._depth
+        )
         gain = _amplitude(self.look.gain_db - self.look.attenuation_db * self._depth)
         return np.abs(field * self._along_depth(gain) + noise)
 
@@ -143,17 +151,23 @@ class UltrasoundImager:
 
         A 2D image is a slab: the needle shows where it crosses, weighted with the slab's profile.
         """
-        points, weights = self._crossing(segment_mm) if self.geometry.dimension == 2 else self._inside(segment_mm)
+        points, weights = (
+            self._crossing(segment_mm) if self.geometry.dimension == 2 else self._inside(segment_mm)
+        )
         if len(points) == 0:
             return Echo(np.empty((0, 3)), np.empty(0))
         look, along = self.look, segment_mm[1] - segment_mm[0]
         away = self.geometry.beam_directions(points)
         tilt = np.arcsin(np.clip(np.abs(away @ along) / np.linalg.norm(along), 0, 1))
         rough = _amplitude(look.oblique_db)
-        amplitude = _amplitude(look.needle_db) * (rough + (1 - rough) * np.exp(-0.5 * (tilt / look.specular) ** 2))
+        amplitude = _amplitude(look.needle_db) * (
+            rough + (1 - rough) * np.exp(-0.5 * (tilt / look.specular) ** 2)
+        )
         order = np.arange(look.tail_count + 1)
         places = points + order[:, None, None] * look.tail_mm * away
-        phases = _phases(rng, len(order))[:, None] * (1 + look.roughness * _complex_normal(rng, (len(order), len(points))))
+        phases = _phases(rng, len(order))[:, None] * (
+            1 + look.roughness * _complex_normal(rng, (len(order), len(points)))
+        )
         strengths = _amplitude(look.tail_db * order)[:, None] * phases * (amplitude * weights)
         return Echo(places.reshape(-1, 3), strengths.reshape(-1), shadow=0.0)
 
@@ -176,7 +190,9 @@ class UltrasoundImager:
         # Closer than the point spread, so that the points run together; 1 is one needle's brightness.
         step = self.look.axial_mm
         length = np.linalg.norm(segment_mm[1] - segment_mm[0])
-        points = segment_mm[0] + np.arange(0, length, step)[:, None] / length * (segment_mm[1] - segment_mm[0])
+        points = segment_mm[0] + np.arange(0, length, step)[:, None] / length * (
+            segment_mm[1] - segment_mm[0]
+        )
         beams = self.geometry.beams_of(points)
         keep = ((beams >= 0) & (beams <= np.array(self.geometry.grid_shape) - 1)).all(axis=1)
         return points[keep], np.full(keep.sum(), step / (np.sqrt(2 * np.pi) * self.look.lateral_mm[1]))
@@ -247,12 +263,12 @@ class UltrasoundImager:
         inside = ((beams >= 0) & (beams <= np.array(self.geometry.grid_shape) - 1)).all(axis=1)
         return np.flatnonzero(inside), np.ascontiguousarray(beams[inside].T, dtype=np.float32)
 
-    def _along_depth(self, values: Array) -> NDArray[np.float32]:
+    def _along_depth(self, values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
         return values.astype(np.float32).reshape(-1, *(1,) * (self.geometry.dimension - 1))
 
 
-def _amplitude(decibel: Array | float) -> Array:
-    return np.power(np.float32(10), np.asarray(decibel, dtype=np.float32) / 20)
+def _amplitude(decibel: ArrayLike) -> NDArray[np.float32]:
+    return np.asarray(np.power(np.float32(10), np.asarray(decibel, dtype=np.float32) / 20))
 
 
 def _complex_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Complex:
@@ -262,4 +278,4 @@ def _complex_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Complex
 
 
 def _phases(rng: np.random.Generator, count: int) -> NDArray[np.complex128]:
-    return np.exp(2j * np.pi * rng.random(count))
+    return np.asarray(np.exp(2j * np.pi * rng.random(count)))

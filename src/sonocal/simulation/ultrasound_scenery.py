@@ -27,7 +27,12 @@ class Scenery:
     """
 
     def __init__(
-        self, geometry: ProbeGeometry, duration_s: float, compact: float = 3.0, interfaces: float = 1.0, seed: int = 0
+        self,
+        geometry: ProbeGeometry,
+        duration_s: float,
+        compact: float = 3.0,
+        interfaces: float = 1.0,
+        seed: int = 0,
     ) -> None:
         self._geometry = geometry
         rng = np.random.default_rng([seed, 1])
@@ -47,7 +52,11 @@ class Scenery:
     def _interface(self, place: Array, size: Array, amplitude: float, rng: np.random.Generator) -> Echo:
         lateral = place[1] + (0.15 + 0.35 * size[0]) * np.linspace(-1, 1, 160)
         # A layer lies across the beam, a little tilted and curved.
-        depth = place[0] + 0.15 * (size[1] - 0.5) * (lateral - place[1]) + 0.1 * size[2] * (lateral - place[1]) ** 2
+        depth = (
+            place[0]
+            + 0.15 * (size[1] - 0.5) * (lateral - place[1])
+            + 0.1 * size[2] * (lateral - place[1]) ** 2
+        )
         if self._geometry.dimension == 2:
             points = self._geometry.point_at(depth, lateral)
         else:
@@ -63,7 +72,9 @@ class Scenery:
 class _Drifting:
     """Things with a place that drifts and a brightness that swells and fades."""
 
-    def __init__(self, rng: np.random.Generator, in_view: float, duration_s: float, decibel: tuple[float, float]) -> None:
+    def __init__(
+        self, rng: np.random.Generator, in_view: float, duration_s: float, decibel: tuple[float, float]
+    ) -> None:
         # A bump of width LIFE_S is in view for about 2.5 of it.
         count = rng.poisson(in_view * (duration_s + 4 * LIFE_S) / (2.5 * LIFE_S))
         self._peak = rng.uniform(-2 * LIFE_S, duration_s + 2 * LIFE_S, count)
@@ -78,5 +89,6 @@ class _Drifting:
         seen = np.flatnonzero(np.abs(age) < 2 * LIFE_S)
         fade = np.exp(-0.5 * (age / LIFE_S) ** 2)
         return [
-            (self._place[i] + age[i] * self._speed[i], self._size[i], float(self._amplitude[i] * fade[i])) for i in seen
+            (self._place[i] + age[i] * self._speed[i], self._size[i], float(self._amplitude[i] * fade[i]))
+            for i in seen
         ]
