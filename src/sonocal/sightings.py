@@ -15,7 +15,7 @@ from sonocal.observations import Observations
 from sonocal.recording import Diagnostic, Line, Recording, with_latency
 from sonocal.recording.files import read_text
 from sonocal.recording.lines import check_lines
-from sonocal.recording.model import OnInvalid
+from sonocal.recording.poses import OnInvalid
 from sonocal.recording.tables import parse_table
 
 __all__ = ["Detections", "Sightings", "observations_from_recording", "read_detections"]
@@ -124,7 +124,9 @@ def observations_from_recording(
             line.segment_mm @ np.swapaxes(probe_from_tool[:, :3, :3], 1, 2) + probe_from_tool[:, None, :3, 3]
         )
     posed = np.isfinite(segments).all(axis=(1, 2))
-    seen = recording.image_valid[detections.frame] if len(recording.frames) else np.ones(len(target), dtype=bool)
+    seen = (
+        recording.image_valid[detections.frame] if len(recording.frames) else np.ones(len(target), dtype=bool)
+    )
     kept = posed & seen
     if not kept.any():
         raise InputError(
@@ -150,7 +152,7 @@ def _targets(lines: Sequence[Line], detections: Detections) -> NDArray[np.str_]:
     unknown = [str(t) for t in np.unique(target) if t not in names]
     if unknown:
         raise InputError(
-            f"{detections.source}: target {unknown[0]!r} is none of the lines {', '.join(names)[:200]}; name one of them"
+            f"{detections.source}: target {unknown[0]!r} is none of the lines {', '.join(names)[:200]}; name one"
         )
     return target
 
@@ -159,13 +161,16 @@ def _check_frames(recording: Recording, detections: Detections) -> None:
     outside = np.flatnonzero((detections.frame < 0) | (detections.frame >= len(recording)))
     if len(outside):
         raise InputError(
-            f"{detections.source}, point {outside[0]}: frame {detections.frame[outside[0]]} is not in {recording.name}, "
-            f"which has frames 0 to {len(recording) - 1}"
+            f"{detections.source}, point {outside[0]}: frame {detections.frame[outside[0]]} is not in "
+            f"{recording.name}, which has frames 0 to {len(recording) - 1}"
         )
 
 
 def _left_out(posed: NDArray[np.bool_], seen: NDArray[np.bool_]) -> list[Diagnostic]:
-    reasons = {"no-pose": (~posed, "have no valid pose"), "no-image": (posed & ~seen, "lie in images marked invalid")}
+    reasons = {
+        "no-pose": (~posed, "have no valid pose"),
+        "no-image": (posed & ~seen, "lie in images marked invalid"),
+    }
     return [
         Diagnostic(
             code=code,

@@ -56,7 +56,7 @@ def affine_h5(matrix: Array, convention: str) -> bytes:
         UnsupportedError: h5py is not installed.
     """
     try:
-        import h5py  # noqa: PLC0415 - optional dependency
+        import h5py
     except ImportError:
         raise UnsupportedError("ITK's .h5 needs h5py; pip install 'sonocal[io]', or export .tfm") from None
     content = io.BytesIO()

@@ -5,7 +5,7 @@ from sonocal.recording.findings import Diagnostic
 from sonocal.recording.frames import ArrayFrames, Frames
 from sonocal.recording.health import Summary, ToolSummary, health, summarize
 from sonocal.recording.lines import Line, write_lines
-from sonocal.recording.model import ImageGeometry, Poses, Provenance, Recording
+from sonocal.recording.model import ImageGeometry, Provenance, Recording
 from sonocal.recording.needle import (
     DigitisedPoint,
     NeedleCalibration,
@@ -14,10 +14,18 @@ from sonocal.recording.needle import (
     needle_from_points,
 )
 from sonocal.recording.pivot import PivotCalibration, calibrate_pivot
+from sonocal.recording.poses import Poses
 from sonocal.recording.reading import read_recording, write_recording
 from sonocal.recording.signals import bottom_line_signal
 from sonocal.recording.spin import SpinCalibration, calibrate_spin
-from sonocal.recording.timing import Lag, estimate_latency, interpolate_poses, join, motion_signal, with_latency
+from sonocal.recording.timing import (
+    Lag,
+    estimate_latency,
+    interpolate_poses,
+    join,
+    motion_signal,
+    with_latency,
+)
 
 __all__ = [
     "ArrayFrames",

@@ -48,7 +48,9 @@ def read_device_set(path: str | Path) -> DeviceSet:
     path = Path(path)
     root = parse_xml(path.name, read_text(path, "a PLUS device set", SIZE_LIMIT))
     if root.tag != "PlusConfiguration":
-        raise InputError(f"{path.name}: its root is <{str(root.tag)[:40]}> where a PLUS device set has <PlusConfiguration>")
+        raise InputError(
+            f"{path.name}: its root is <{str(root.tag)[:40]}> where a PLUS device set has <PlusConfiguration>"
+        )
     phantom = _phantom_frame(root)
     patterns = [list(_wires(path.name, element, phantom)) for element in _patterns(root)]
     wires = tuple(wire for pattern in patterns for wire in pattern)
@@ -71,7 +73,9 @@ def read_lines(path: str | Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, s
         return read_lines_toml(path), {}
     devices = read_device_set(path)
     if not devices.wires:
-        raise InputError(f"{path.name}: describes no phantom wires; name a device set with a PhantomDefinition")
+        raise InputError(
+            f"{path.name}: describes no phantom wires; name a device set with a PhantomDefinition"
+        )
     return devices.wires, devices.transforms
 
 
@@ -82,10 +86,12 @@ def parse_xml(name: str, text: str) -> ET.Element:
         FormatError: it declares something, or is not XML.
     """
     if re.search(r"<!(?!--|\[CDATA\[)", text):
-        raise FormatError(f"{name}: declares a document type or entities, which a device set never needs; delete them")
+        raise FormatError(
+            f"{name}: declares a document type or entities, which a device set never needs; delete them"
+        )
     try:
         # As bytes, with the declaration dropped: the text was decoded already.
-        return ET.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text).encode())  # noqa: S314
+        return ET.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text).encode())
     except (ET.ParseError, ValueError, LookupError) as error:
         raise FormatError(f"{name}: is not XML ({error})") from None
 
@@ -105,7 +111,9 @@ def _transforms(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], 
 def _matrix(name: str, transform: str, text: str | None) -> Array:
     numbers = _numbers(text)
     if numbers is None or len(numbers) != 16:
-        raise InputError(f"{name}: Transform {transform} needs a Matrix of 16 finite numbers; got {str(text)[:60]!r}")
+        raise InputError(
+            f"{name}: Transform {transform} needs a Matrix of 16 finite numbers; got {str(text)[:60]!r}"
+        )
     matrix = numbers.reshape(4, 4)
     if not np.array_equal(matrix[3], [0, 0, 0, 1]) or abs(np.linalg.det(matrix)) < 1e-12:
         raise InputError(f"{name}: Transform {transform} cannot be inverted, or its last row is not 0 0 0 1")
@@ -123,7 +131,9 @@ def _wires(name: str, pattern: ET.Element, phantom: str) -> Iterator[Line]:
         label = wire.get("Name", "")
         ends = [_numbers(wire.get(key)) for key in ("EndPointFront", "EndPointBack")]
         if any(end is None or len(end) != 3 for end in ends):
-            raise InputError(f"{name}: wire {label!r} needs EndPointFront and EndPointBack of three numbers, mm")
+            raise InputError(
+                f"{name}: wire {label!r} needs EndPointFront and EndPointBack of three numbers, mm"
+            )
         yield Line(label, phantom, np.array(ends))
 
 

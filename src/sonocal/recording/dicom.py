@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Sequence
 from datetime import datetime
@@ -38,17 +39,21 @@ def read_dicom(path: Path) -> Recording:
     if not 1 <= count <= COUNT_LIMIT:
         raise FormatError(f"{path.name}: states {count} frames; is it damaged?")
     frames = DicomFrames([(path, i) for i in range(count)], header)
-    times = _start(header) + _steps(path, header, count)
-    return _recording(path.name, "DICOM", frames, times, header, (str(path),))
+    start = _start(header)
+    times = (0.0 if np.isnan(start) else start) + _steps(path, header, count)
+    return _recording(Provenance(path.name, "DICOM", (str(path),)), frames, times, header)
 
 
 def read_dicom_files(paths: Sequence[Path], name: str) -> Recording:
     """Read single-frame DICOM files, in the order of their acquisition times."""
     headers = [_header(path) for path in paths]
     times = np.array([_start(header) for header in headers])
-    order = np.argsort(times, kind="stable") if np.isfinite(times).all() else np.arange(len(paths))
+    if np.isnan(times).any():
+        times = np.full(len(paths), np.nan)
+    order = np.argsort(times, kind="stable")  # NaN keeps the order of the names
     frames = DicomFrames([(paths[i], 0) for i in order], headers[0])
-    return _recording(name, "DICOM files", frames, times[order], headers[0], tuple(str(paths[i]) for i in order))
+    read = tuple(str(paths[i]) for i in order)
+    return _recording(Provenance(name, "DICOM files", read), frames, times[order], headers[0])
 
 
 class DicomFrames(Frames):
@@ -61,7 +66,9 @@ class DicomFrames(Frames):
         channels = int(_number(places[0][0], header, "SamplesPerPixel", 1))
         bits = int(_number(places[0][0], header, "BitsAllocated", 0))
         if rows < 1 or columns < 1 or channels not in (1, 3) or bits not in (8, 16):
-            raise FormatError(f"{name}: states {rows} x {columns} pixels of {channels} x {bits} bits; no image has that")
+            raise FormatError(
+                f"{name}: states {rows} x {columns} pixels of {channels} x {bits} bits; no image has that"
+            )
         signed = int(_number(places[0][0], header, "PixelRepresentation", 0))
         self.dtype = np.dtype(f"{'i' if signed else 'u'}{bits // 8}")
         self.shape = (rows, columns) + ((3,) if channels == 3 else ())
@@ -73,12 +80,13 @@ class DicomFrames(Frames):
     def read(self, index: int) -> Image:
         """Frame `index`."""
         path, place = self._places[index]
-        from pydicom.pixels import pixel_array  # noqa: PLC0415 - optional dependency
+        from pydicom.pixels.utils import pixel_array
 
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                image = np.asarray(pixel_array(path, index=place))
+                with _Clamped(path) as file:
+                    image = np.asarray(pixel_array(file, index=place))
         except NotImplementedError as error:
             raise UnsupportedError(f"{path.name}, frame {index}: cannot be decoded ({error})") from None
         except Exception as error:  # pydicom raises many kinds for damaged pixels
@@ -88,33 +96,45 @@ class DicomFrames(Frames):
                 ) from None
             raise FormatError(f"{path.name}, frame {index}: cannot be decoded ({str(error)[:80]})") from None
         if image.shape != self.shape:
-            raise FormatError(f"{path.name}, frame {index}: is {image.shape} where the first frame is {self.shape}")
+            raise FormatError(
+                f"{path.name}, frame {index}: is {image.shape} where the first frame is {self.shape}"
+            )
         image = image.astype(self.dtype, copy=False)
         image.flags.writeable = False
         return image
 
 
+class _Clamped(io.BufferedReader):
+    """A file that is never asked for more than it holds: damaged lengths would be allocated before the read."""
+
+    def __init__(self, path: Path) -> None:
+        self._size = file_size(path)
+        super().__init__(io.FileIO(path))
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As of any file, but clamped."""
+        left = max(self._size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
 def _header(path: Path) -> Any:
     file_size(path)
     try:
-        import pydicom  # noqa: PLC0415 - optional dependency
+        import pydicom
     except ImportError:
         raise UnsupportedError(f"{path.name}: DICOM needs pydicom; pip install 'sonocal[io]'") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return pydicom.dcmread(path, stop_before_pixels=True)
+            with _Clamped(path) as file:
+                return pydicom.dcmread(file, stop_before_pixels=True, defer_size=None)
     except Exception as error:  # pydicom raises many kinds for damaged files
         raise FormatError(f"{path.name}: is not a DICOM file ({str(error)[:80]})") from None
 
 
-def _recording(
-    name: str, kind: str, frames: DicomFrames, times: Array, header: Any, paths: tuple[str, ...]
-) -> Recording:
-    rows, columns = frames.shape[:2]
-    channels = 3 if len(frames.shape) == 3 else 1
-    geometry = ImageGeometry((columns, rows), channels, frames.dtype.name, "", np.eye(4), _spacing(header))
-    return Recording(times=times, frames=frames, image=geometry, provenance=Provenance(name, kind, paths))
+def _recording(provenance: Provenance, frames: DicomFrames, times: Array, header: Any) -> Recording:
+    geometry = ImageGeometry.of(frames, spacing_mm=_spacing(header))
+    return Recording(times=times, frames=frames, image=geometry, provenance=provenance)
 
 
 def _spacing(header: Any) -> tuple[float, ...] | None:
@@ -138,23 +158,29 @@ def _steps(path: Path, header: Any, count: int) -> Array:
         return np.asarray(np.cumsum(np.asarray(vector, dtype=float)) / 1000.0)
     step_ms = _number(path, header, "FrameTime", 0.0)
     if step_ms <= 0:
-        rate = _number(path, header, "CineRate", 0.0) or _number(path, header, "RecommendedDisplayFrameRate", 0.0)
+        rate = _number(path, header, "CineRate", 0.0) or _number(
+            path, header, "RecommendedDisplayFrameRate", 0.0
+        )
         step_ms = 1000.0 / rate if rate > 0 else np.nan
     return np.asarray(np.arange(count) * step_ms / 1000.0) if count > 1 else np.zeros(1)
 
 
 def _start(header: Any) -> float:
-    """Seconds of the day at which the first frame was taken; 0 where a clip does not say."""
+    """Seconds of the day at which the first frame was taken; NaN where the file does not say."""
     try:
-        for key, form in (("AcquisitionDateTime", "%Y%m%d%H%M%S"), ("AcquisitionTime", "%H%M%S"), ("ContentTime", "%H%M%S")):
+        for key, form in (
+            ("AcquisitionDateTime", "%Y%m%d%H%M%S"),
+            ("AcquisitionTime", "%H%M%S"),
+            ("ContentTime", "%H%M%S"),
+        ):
             text = str(header.get(key, "") or "").split("+")[0].split("&")[0]
             if text:
                 whole, _, part = text.partition(".")
-                moment = datetime.strptime(whole, form)  # noqa: DTZ007 - a clock time, not an instant
+                moment = datetime.strptime(whole, form)
                 return moment.hour * 3600 + moment.minute * 60 + moment.second + float(f"0.{part or 0}")
     except ValueError:
-        return 0.0
-    return 0.0
+        return float("nan")
+    return float("nan")
 
 
 def _number(path: Path, header: Any, key: str, default: float) -> float:

@@ -88,7 +88,7 @@ class ArrayFrames(Frames):
 
     def read(self, index: int) -> Image:
         """Frame `index`."""
-        return self._array[index]
+        return np.asarray(self._array[index])
 
 
 class RawFrames(Frames):
@@ -155,14 +155,16 @@ def no_frames() -> Frames:
     return ArrayFrames(np.empty((0, 0, 0), dtype=np.uint8))
 
 
-def as_frame(name: str, index: int, data: bytes, shape: tuple[int, ...], stored: np.dtype[Any]) -> Image:
+def as_frame(
+    name: str, index: int, data: bytes | bytearray, shape: tuple[int, ...], stored: np.dtype[Any]
+) -> Image:
     """The pixels of one frame from its bytes, in this machine's byte order."""
     if len(data) != frame_bytes(shape, stored):
         raise FormatError(f"{name}, frame {index}: the file ends within it; copy or record it again")
     frame = np.frombuffer(data, dtype=stored).reshape(shape)
     if not stored.isnative:
         frame = frame.astype(stored.newbyteorder("="))
-        frame.flags.writeable = False
+    frame.flags.writeable = False
     return frame
 
 

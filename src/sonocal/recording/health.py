@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.recording.findings import Diagnostic
-from sonocal.recording.model import RIGID_TOLERANCE, Poses, Recording, rigidity_error
+from sonocal.recording.model import ImageGeometry, Recording
+from sonocal.recording.poses import RIGID_TOLERANCE, Poses, rigidity_error
 
 __all__ = ["Summary", "ToolSummary", "health", "summarize"]
 
@@ -41,7 +43,7 @@ class Summary:
         name, format: of the file.
         items: on the time line.
         duration_s, rate_hz: None without times.
-        size_px, channels, dtype, orientation, spacing_mm: of the images; None without images.
+        image: what the images are; None without images.
         tools: what is tracked.
         diagnostics: what to know before use.
     """
@@ -51,18 +53,14 @@ class Summary:
     items: int
     duration_s: float | None
     rate_hz: float | None
-    size_px: tuple[int, ...] | None
-    channels: int | None
-    dtype: str | None
-    orientation: str | None
-    spacing_mm: tuple[float, ...] | None
+    image: ImageGeometry | None
     tools: tuple[ToolSummary, ...]
     diagnostics: tuple[Diagnostic, ...]
 
 
 def summarize(recording: Recording, look_at_images: bool = True) -> Summary:
     """What is in a recording, and what is wrong with it."""
-    image, times = recording.image, recording.times
+    times = recording.times
     timed = len(times) > 1 and bool(np.isfinite(times).all())
     duration = float(times.max() - times.min()) if timed else None
     return Summary(
@@ -71,11 +69,7 @@ def summarize(recording: Recording, look_at_images: bool = True) -> Summary:
         items=len(recording),
         duration_s=duration,
         rate_hz=(len(times) - 1) / duration if duration else None,
-        size_px=image and image.size_px,
-        channels=image and image.channels,
-        dtype=image and image.dtype,
-        orientation=image and image.orientation,
-        spacing_mm=image and image.spacing_mm,
+        image=recording.image,
         tools=tuple(_tool(poses) for poses in recording.poses.values()),
         diagnostics=health(recording, look_at_images),
     )
@@ -104,7 +98,9 @@ def health(recording: Recording, look_at_images: bool = True) -> tuple[Diagnosti
 def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
     if np.isnan(times).all():
         if len(times) > 1:
-            yield _warning("no-times", "no item has a time stamp", "poses cannot be moved in time; record with stamps")
+            yield _warning(
+                "no-times", "no item has a time stamp", "poses cannot be moved in time; record with stamps"
+            )
         return
     steps = np.diff(times)
     if (steps < 0).any():
@@ -183,13 +179,17 @@ def _image_status(recording: Recording) -> Iterator[Diagnostic]:
     bad = len(recording) - int(recording.image_valid.sum())
     if bad:
         yield _warning(
-            "invalid-images", f"{bad} of {len(recording)} images are marked invalid", "such frames are left out"
+            "invalid-images",
+            f"{bad} of {len(recording)} images are marked invalid",
+            "such frames are left out",
         )
 
 
 def _repeated_images(recording: Recording) -> Iterator[Diagnostic]:
-    digests = [hashlib.blake2b(np.ascontiguousarray(f).data, digest_size=16).digest() for f in recording.frames]
-    repeats = np.array([a == b for a, b in zip(digests, digests[1:], strict=False)], dtype=bool)
+    digests = [
+        hashlib.blake2b(np.ascontiguousarray(f).data, digest_size=16).digest() for f in recording.frames
+    ]
+    repeats = np.array([a == b for a, b in pairwise(digests)], dtype=bool)
     if repeats.any():
         run, first = _longest_run(repeats), int(np.flatnonzero(repeats)[0]) + 1
         yield _warning(
@@ -201,7 +201,9 @@ def _repeated_images(recording: Recording) -> Iterator[Diagnostic]:
 
 
 def _tool(poses: Poses) -> ToolSummary:
-    return ToolSummary(poses.plus_name, len(poses), int(poses.valid.sum()), _travel_mm(poses.matrices[poses.valid]))
+    return ToolSummary(
+        poses.plus_name, len(poses), int(poses.valid.sum()), _travel_mm(poses.matrices[poses.valid])
+    )
 
 
 def _travel_mm(matrices: NDArray[np.float64]) -> float:

@@ -43,16 +43,19 @@ def read_image_folder(folder: Path) -> Recording:
     images = [p for p in entries if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
     dicoms = [p for p in entries if p.suffix.lower() in DICOM_SUFFIXES and p.is_file()]
     if not images and not dicoms:
-        raise InputError(f"{folder.name}: holds no image files ({', '.join(IMAGE_SUFFIXES + DICOM_SUFFIXES)})")
+        raise InputError(
+            f"{folder.name}: holds no image files ({', '.join(IMAGE_SUFFIXES + DICOM_SUFFIXES)})"
+        )
     if images and dicoms:
         raise InputError(f"{folder.name}: holds both DICOM files and other images; keep one kind in it")
     if dicoms:
         return read_dicom_files(dicoms, folder.name)
     images, times, paths = _stamped(folder, images)
     frames = ImageFiles(images)
-    channels = frames.shape[2] if len(frames.shape) == 3 else 1
-    geometry = ImageGeometry((frames.shape[1], frames.shape[0]), channels, frames.dtype.name, "", np.eye(4))
-    return Recording(times=times, frames=frames, image=geometry, provenance=Provenance(folder.name, "images", paths))
+    geometry = ImageGeometry.of(frames)
+    return Recording(
+        times=times, frames=frames, image=geometry, provenance=Provenance(folder.name, "images", paths)
+    )
 
 
 class ImageFiles(Frames):
@@ -74,16 +77,22 @@ class ImageFiles(Frames):
         size, mode = self._look(path)  # before a pixel is decoded
         shape = (size[1], size[0]) + ((3,) if mode == "RGB" else ())
         if shape != self.shape or np.dtype(MODES[mode]) != self.dtype:
-            raise FormatError(f"{path.name}: is {shape} {mode} where the first image is {self.shape} {self.dtype}")
+            raise FormatError(
+                f"{path.name}: is {shape} {mode} where the first image is {self.shape} {self.dtype}"
+            )
         image = self._open(path, mode)
         image.flags.writeable = False
         return image
 
     def _look(self, path: Path) -> tuple[tuple[int, int], str]:
         with self._guard(path), self._pillow.open(path) as image:
-            mode = {"RGBA": "RGB", "P": "RGB", "I;16B": "I;16", "I": "I;16", "1": "L", "LA": "L"}.get(image.mode, image.mode)
+            mode = {"RGBA": "RGB", "P": "RGB", "I;16B": "I;16", "I": "I;16", "1": "L", "LA": "L"}.get(
+                image.mode, image.mode
+            )
             if mode not in MODES:
-                raise UnsupportedError(f"{path.name}: pixels of kind {image.mode} cannot be read; convert it to grey PNG")
+                raise UnsupportedError(
+                    f"{path.name}: pixels of kind {image.mode} cannot be read; convert it to grey PNG"
+                )
             return image.size, mode
 
     def _open(self, path: Path, mode: str) -> Image:
@@ -108,8 +117,12 @@ class _Guard:
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         self._warnings.__exit__(kind, error, trace)
-        if isinstance(error, Exception) and not isinstance(error, (FormatError, InputError, UnsupportedError)):
-            raise FormatError(f"{self._path.name}: is not an image that can be read ({str(error)[:80]})") from None
+        if isinstance(error, Exception) and not isinstance(
+            error, (FormatError, InputError, UnsupportedError)
+        ):
+            raise FormatError(
+                f"{self._path.name}: is not an image that can be read ({str(error)[:80]})"
+            ) from None
 
 
 def _stamped(folder: Path, images: list[Path]) -> tuple[list[Path], Array, tuple[str, ...]]:
@@ -131,7 +144,9 @@ def _times_of_table(path: Path, images: list[Path]) -> Array:
     table = parse_table(path.name, read_text(path, "a table of frame times"))
     column = first_time_column(table.header)
     if column is None or "file" not in table.columns:
-        raise InputError(f"{path.name}: needs the columns file and time_s; it has {', '.join(table.header)[:200]}")
+        raise InputError(
+            f"{path.name}: needs the columns file and time_s; it has {', '.join(table.header)[:200]}"
+        )
     stamps = dict(zip((cell.strip() for cell in table.columns["file"]), table.numbers(column), strict=True))
     if missing := [image.name for image in images if image.name not in stamps]:
         raise InputError(f"{path.name}: has no time for {missing[0]}; add a row, or delete the image")
@@ -153,7 +168,7 @@ def _natural(name: str) -> list[tuple[int, int, str]]:
 
 def _pillow(path: Path) -> Any:
     try:
-        from PIL import Image as Pillow  # noqa: PLC0415 - optional dependency
+        from PIL import Image as Pillow
     except ImportError:
         raise UnsupportedError(f"{path.name}: image files need Pillow; pip install 'sonocal[io]'") from None
     return Pillow

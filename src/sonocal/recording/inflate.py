@@ -16,7 +16,9 @@ from sonocal.recording.files import file_size, read_at
 from sonocal.recording.frames import Frames, Image, as_frame, check_frame_size
 
 try:  # zlib-ng inflates several times faster; the standard library's gives the same bytes
-    from zlib_ng import zlib_ng as _zlib
+    from zlib_ng import zlib_ng
+
+    _zlib: Any = zlib_ng
 except ImportError:  # pragma: no cover - depends on the installation
     _zlib = zlib
 
@@ -25,7 +27,10 @@ __all__ = ["GZIP", "ZLIB", "InflatedFrames"]
 ZLIB, GZIP = 15, 31
 
 CHUNK = 1 << 16
+# Inflated at a time, so that a frame is held once and not in pieces beside it.
+PIECE = 1 << 17
 CHECKPOINT_EVERY = 16
+MOST_CHECKPOINTS = 64
 # Deflate expands at most 1032 : 1; a header that asks for more lies, whatever the data hold.
 LARGEST_EXPANSION = 1032
 
@@ -47,7 +52,7 @@ class InflatedFrames(Frames):
     """Frames in one deflated stream.
 
     Reading in order costs one pass. Reading elsewhere starts at the nearest saved state of the
-    decoder (one every few frames seen, about 50 kB each), not at the start of the file.
+    decoder (at most 64 of them, about 100 kB each), not at the start of the file.
 
     Args:
         path: the file.
@@ -62,7 +67,7 @@ class InflatedFrames(Frames):
         FormatError: the stream is shorter than stated, or cannot hold that many pixels.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0917 - what a stream is, in the order of `RawFrames`
         self,
         path: Path,
         offset: int,
@@ -70,7 +75,7 @@ class InflatedFrames(Frames):
         count: int,
         shape: tuple[int, ...],
         dtype: np.dtype[Any],
-        wrapper: int = ZLIB,
+        wrapper: int,
     ) -> None:
         self._path, self._count, self._wrapper = path, count, wrapper
         self.shape, self.dtype, self._stored = shape, dtype.newbyteorder("="), dtype
@@ -80,6 +85,7 @@ class InflatedFrames(Frames):
         self._lock = threading.Lock()
         self._cursor = self._first()
         self._checkpoints: dict[int, _Cursor] = {}
+        self._stride = max(CHECKPOINT_EVERY, count // MOST_CHECKPOINTS)
 
     def __len__(self) -> int:
         return self._count
@@ -93,7 +99,7 @@ class InflatedFrames(Frames):
         """Frame `index`."""
         with self._lock:
             self._go_to(index)
-            return self._next(self._cursor)
+            return self._advance()
 
     def _first(self) -> _Cursor:
         return _Cursor(self._start, _zlib.decompressobj(wbits=self._wrapper))
@@ -103,9 +109,14 @@ class InflatedFrames(Frames):
         if index < self._cursor.frame or (saved is not None and saved > self._cursor.frame):
             self._cursor = self._first() if saved is None else self._checkpoints[saved].copy()
         while self._cursor.frame < index:
-            self._next(self._cursor)
-            if self._cursor.frame % CHECKPOINT_EVERY == 0:
-                self._checkpoints.setdefault(self._cursor.frame, self._cursor.copy())
+            self._advance()
+
+    def _advance(self) -> Image:
+        image = self._next(self._cursor)
+        place = self._cursor.frame
+        if place % self._stride == 0 and place not in self._checkpoints:
+            self._checkpoints[place] = self._cursor.copy()
+        return image
 
     def _next(self, cursor: _Cursor) -> Image:
         index = cursor.frame
@@ -126,18 +137,21 @@ class InflatedFrames(Frames):
         cursor.frame += 1
         return as_frame(self._path.name, index, data, self.shape, self._stored)
 
-    def _take(self, cursor: _Cursor, wanted: int) -> bytes:
-        pieces: list[bytes] = []
-        while wanted > 0 and not cursor.inflater.eof:
+    def _take(self, cursor: _Cursor, wanted: int) -> bytearray:
+        """The next bytes of the stream, fewer than wanted only at its end."""
+        data = bytearray(wanted)
+        filled = 0
+        while filled < wanted and not cursor.inflater.eof:
             if not cursor.pending:
                 cursor.pending = self._chunk(cursor)
-            piece = cursor.inflater.decompress(cursor.pending, wanted)
+            piece = cursor.inflater.decompress(cursor.pending, min(wanted - filled, PIECE))
             if not piece and not cursor.pending:
                 break
             cursor.pending = cursor.inflater.unconsumed_tail
-            pieces.append(piece)
-            wanted -= len(piece)
-        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+            data[filled : filled + len(piece)] = piece
+            filled += len(piece)
+        del data[filled:]
+        return data
 
     def _chunk(self, cursor: _Cursor) -> bytes:
         data = read_at(self._path, cursor.position, min(CHUNK, self._end - cursor.position))

@@ -81,6 +81,7 @@ def assemble(
     layout: Layout,
     frames: Frames,
     items: ItemFields,
+    *,
     orientation: str,
     fields: Mapping[str, str],
     provenance: Provenance,
@@ -136,8 +137,8 @@ def _remarks(orientation: Orientation, image: ImageGeometry) -> list[Diagnostic]
             Diagnostic(
                 code="orientation-unknown",
                 severity="info",
-                message="the file does not say how its images are oriented; they are taken as stored, u right and v down",
-                advice="compare an image with the scanner's screen; state UltrasoundImageOrientation (MF, UF, ...) if it is flipped",
+                message="the file does not say how its images are oriented; they are taken as stored: u right, v down",
+                advice="compare an image with the scanner's screen; state UltrasoundImageOrientation if it is flipped",
             )
         ]
     if orientation.changes(image.dimension):

@@ -1,10 +1,10 @@
 """Straight things whose place is known: needles and wires, and their ``.toml`` file.
 
-    [[line]]
-    name = "needle"
-    frame = "Needle"            # a tracked tool of the recording, or Probe
-    from_mm = [0.0, 0.0, 0.0]
-    to_mm = [0.0, 0.0, -333.0]
+[[line]]
+name = "needle"
+frame = "Needle"            # a tracked tool of the recording, or Probe
+from_mm = [0.0, 0.0, 0.0]
+to_mm = [0.0, 0.0, -333.0]
 """
 
 from __future__ import annotations
@@ -107,12 +107,16 @@ def _numbers(where: str, key: str, value: Any) -> Iterator[float]:
     numbers = value if isinstance(value, list) and len(value) == 3 else [None]
     for x in numbers:
         if isinstance(x, bool) or not isinstance(x, (int, float)) or not abs(x) < 1e9:
-            raise InputError(f"{where}: {key} is three numbers in mm such as [0.0, 0.0, -333.0]; got {str(value)[:60]}")
+            raise InputError(
+                f"{where}: {key} is three numbers in mm such as [0.0, 0.0, -333.0]; got {str(value)[:60]}"
+            )
         yield float(x)
 
 
 def _table(line: Line) -> str:
     ends = [", ".join(repr(float(x)) for x in end) for end in line.segment_mm]
     # A JSON string is a TOML string, once the one control character that JSON leaves alone is escaped.
-    name, frame = (json.dumps(t, ensure_ascii=False).replace("\x7f", "\\u007f") for t in (line.name, line.frame))
+    name, frame = (
+        json.dumps(t, ensure_ascii=False).replace("\x7f", "\\u007f") for t in (line.name, line.frame)
+    )
     return f"[[line]]\nname = {name}\nframe = {frame}\nfrom_mm = [{ends[0]}]\nto_mm = [{ends[1]}]\n"

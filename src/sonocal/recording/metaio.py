@@ -107,42 +107,39 @@ def read_metaio(path: Path) -> Recording:
 def _read_header(path: Path) -> _Header:
     fields: dict[str, str] = {}
     items = ItemFields(path.name)
+    name, number = path.name, 0
     with reading(path), path.open("rb") as file:
-        number = 0
         while line := file.readline(LINE_LIMIT):
             number += 1
-            key, value = _key_and_value(path.name, number, line)
-            if key.startswith(PREFIX):
-                items.add(key, value)
-            elif key in fields:
-                raise FormatError(f"{path.name}, line {number}: {key} stands twice in the header; delete one")
-            elif key:
-                fields[key] = value
+            text = _text(name, number, line)
+            key, equals, value = text.partition("=")
+            if key[:9] == PREFIX and equals:  # most lines by far
+                items.add(key.rstrip(), value.strip())
+                continue
+            key = key.strip()
+            if not key and not equals:
+                continue
+            if not equals or not KEY.fullmatch(key):
+                raise FormatError(
+                    f"{name}, line {number}: {text.strip()[:60]!r} is not 'name = value' of a MetaIO header"
+                )
+            if key in fields:
+                raise FormatError(f"{name}, line {number}: {key} stands twice in the header; delete one")
+            fields[key] = value.strip()
             if key == "ElementDataFile":
-                return _Header(path.name, fields, items, file.tell())
+                return _Header(name, fields, items, file.tell())
     if not fields:
-        raise FormatError(f"{path.name}: is empty; a MetaIO file starts with a header")
-    raise FormatError(
-        f"{path.name}: its header ends without ElementDataFile; it was cut short, copy it again"
-    )
+        raise FormatError(f"{name}: is empty; a MetaIO file starts with a header")
+    raise FormatError(f"{name}: its header ends without ElementDataFile; it was cut short, copy it again")
 
 
-def _key_and_value(name: str, number: int, line: bytes) -> tuple[str, str]:
+def _text(name: str, number: int, line: bytes) -> str:
     if len(line) == LINE_LIMIT or b"\0" in line:
         raise FormatError(f"{name}, line {number}: is not text; a MetaIO header ends with ElementDataFile")
     try:
-        text = line.decode("utf-8")
+        return line.decode("utf-8")
     except UnicodeDecodeError:
         raise FormatError(f"{name}, line {number}: is not UTF-8 text; a MetaIO header is") from None
-    key, equals, value = text.partition("=")
-    key = key.strip()
-    if not equals and not key:
-        return "", ""
-    if not equals or not KEY.fullmatch(key):
-        raise FormatError(
-            f"{name}, line {number}: {text.strip()[:60]!r} is not 'name = value' of a MetaIO header"
-        )
-    return key, value.strip()
 
 
 def _layout(header: _Header) -> Layout:
@@ -157,8 +154,9 @@ def _layout(header: _Header) -> Layout:
             f"{header.fields.get('NDims', '')!r}; recordings have 2, 3 or 4 dimensions"
         )
     check_sizes(header.name, sizes)
-    # Some writers mark a plain volume's third axis as a list; only items' fields make it a sequence.
-    is_sequence = bool(header.items.columns) or dimensions == 4
+    # Some writers mark a plain volume's third axis as a list: fields of items, or the name, make it a sequence.
+    named = header.fields.get("Kinds", "").endswith("list") and re.search(r"\.(igs|seq)\.", header.name)
+    is_sequence = bool(header.items.columns or named) or dimensions == 4
     *frame, count = sizes if is_sequence and dimensions > 2 else (*sizes, 1)
     image_free = 0 in frame
     channels = (*header.whole("ElementNumberOfChannels"), 1)[0]

@@ -13,7 +13,7 @@ from sonocal.errors import InputError
 from sonocal.recording.files import writing
 from sonocal.recording.metaio import is_sequence, structure_of
 from sonocal.recording.model import Recording
-from sonocal.recording.sequence_fields import item_lines
+from sonocal.recording.sequence_fields import PREFIX, item_lines
 from sonocal.recording.written import kept_fields, pixels_of, stored_orientation
 
 __all__ = ["write_metaio"]
@@ -72,7 +72,18 @@ def _header_lines(recording: Recording, compress: bool) -> Iterator[tuple[str, s
         yield "UltrasoundImageOrientation", stored_orientation(recording)
     yield from kept_fields(recording, "metaio").items()
     if is_sequence(recording):
-        yield from item_lines(recording)
+        yield from _described(recording)
+
+
+def _described(recording: Recording) -> Iterator[tuple[str, str]]:
+    """The fields of the items; a status where there are none, for only they tell a sequence from a volume."""
+    lines = item_lines(recording)
+    first = next(lines, None)
+    if first is None:
+        yield from ((f"{PREFIX}{i:04d}_ImageStatus", "OK") for i in range(len(recording)))
+        return
+    yield first
+    yield from lines
 
 
 def _write_pixels(recording: Recording, file: BinaryIO, compress: bool) -> int:

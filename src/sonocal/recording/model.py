@@ -2,103 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sonocal.errors import InputError
 from sonocal.geometry import Array
 from sonocal.recording.findings import Diagnostic
 from sonocal.recording.frames import Frames, SelectedFrames, no_frames
+from sonocal.recording.poses import Mask, OnInvalid, Poses
 
-__all__ = ["ImageGeometry", "Poses", "Provenance", "Recording", "rigidity_error"]
-
-Mask = NDArray[np.bool_]
-OnInvalid = Literal["raise", "skip"]
-
-# Files hold matrices rounded to four digits or more; what is further from a rotation is no pose.
-RIGID_TOLERANCE = 5e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Poses:
-    """One tracked tool: ``target_from_source``, one 4 x 4 matrix an item of the recording.
-
-    Attributes:
-        source: what is tracked, such as "Probe".
-        target: in whose frame, such as "Tracker".
-        matrices: (N, 4, 4); NaN where the file has no pose.
-        valid: (N,): the tracker vouches for it (status OK) and every number is finite.
-        status: (N,) the status as the file spells it, None where it has none.
-    """
-
-    source: str
-    target: str
-    matrices: Array
-    valid: Mask
-    status: tuple[str | None, ...] | None = None
-
-    def __post_init__(self) -> None:
-        if self.matrices.ndim != 3 or self.matrices.shape[1:] != (4, 4):
-            raise InputError(f"{self.name}: poses must have shape (N, 4, 4); got {self.matrices.shape}")
-        if self.valid.shape != (len(self.matrices),):
-            raise InputError(
-                f"{self.name}: valid must have shape ({len(self.matrices)},); got {self.valid.shape}"
-            )
-
-    @classmethod
-    def of(cls, source: str, target: str, matrices: ArrayLike) -> Poses:
-        """Poses of which every finite one is valid."""
-        array = np.asarray(matrices, dtype=float)
-        return cls(source, target, array, np.isfinite(array).all(axis=(-2, -1)))
-
-    @property
-    def name(self) -> str:
-        """Such as ``tracker_from_probe``."""
-        return f"{_snake(self.target)}_from_{_snake(self.source)}"
-
-    @property
-    def plus_name(self) -> str:
-        """Such as ``ProbeToTracker``."""
-        return f"{self.source}To{self.target}"
-
-    def __len__(self) -> int:
-        return len(self.matrices)
-
-    def inverse(self) -> Poses:
-        """``source_from_target``."""
-        return Poses(self.target, self.source, _inverted(self.matrices, self.valid), self.valid)
-
-    def select(self, rows: ArrayLike) -> Poses:
-        """The poses of some items."""
-        index = np.arange(len(self))[np.asarray(rows)]
-        status = None if self.status is None else tuple(self.status[i] for i in index)
-        return replace(self, matrices=self.matrices[index], valid=self.valid[index], status=status)
-
-    def usable(self, source: str, on_invalid: OnInvalid = "raise") -> Poses:
-        """The poses with those that are not rigid refused or, with "skip", marked invalid.
-
-        Args:
-            source: the recording's name, for the message.
-            on_invalid: "raise" or "skip".
-
-        Raises:
-            InputError: a valid pose is not rigid.
-        """
-        bad = self.valid & ~(rigidity_error(self.matrices) <= RIGID_TOLERANCE)
-        if on_invalid == "raise" and bad.any():
-            frame = int(np.flatnonzero(bad)[0])
-            raise InputError(
-                f"{source}, frame {frame}: {self.plus_name} is not rigid "
-                f"(det R = {np.linalg.det(self.matrices[frame, :3, :3]):.3g}); "
-                "drop such frames with --on-invalid skip"
-            )
-        return replace(self, valid=self.valid & ~bad)
+__all__ = ["ImageGeometry", "Provenance", "Recording"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +39,19 @@ class ImageGeometry:
     orientation: str
     image_from_file: Array
     spacing_mm: tuple[float, ...] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        frames: Frames,
+        dimension: int = 2,
+        orientation: str = "",
+        spacing_mm: tuple[float, ...] | None = None,
+    ) -> ImageGeometry:
+        """The geometry of frames that lie as MF does; say ``orientation="MF"`` where that is known."""
+        size = tuple(int(n) for n in frames.shape[:dimension][::-1])
+        channels = frames.shape[dimension] if len(frames.shape) > dimension else 1
+        return cls(size, channels, frames.dtype.name, orientation, np.eye(4), spacing_mm)
 
     @property
     def dimension(self) -> int:
@@ -163,7 +94,7 @@ class Recording:
     frames: Frames = field(default_factory=no_frames)
     poses: Mapping[str, Poses] = field(default_factory=dict)
     image: ImageGeometry | None = None
-    image_valid: Mask = field(default=None)  # type: ignore[assignment]
+    image_valid: Mask = field(default=None)  # type: ignore[arg-type]
     fields: Mapping[str, str] = field(default_factory=dict)
     item_fields: Mapping[str, tuple[str | None, ...]] = field(default_factory=dict)
     provenance: Provenance = Provenance()
@@ -173,6 +104,10 @@ class Recording:
         n = len(self.times)
         if self.image_valid is None:
             object.__setattr__(self, "image_valid", np.full(n, len(self.frames) > 0))
+        if len(self.frames) and self.image is None:
+            raise InputError(
+                f"{self.name}: has frames of unknown geometry; give image=ImageGeometry.of(frames)"
+            )
         columns: dict[str, Any] = {"frames": self.frames} if len(self.frames) else {}
         columns |= {"image_valid": self.image_valid, **self.poses, **self.item_fields}
         for name, column in columns.items():
@@ -270,37 +205,6 @@ class Recording:
         )
 
 
-def by_name(poses: Iterator[Poses] | list[Poses], name: str) -> dict[str, Poses]:
-    """Poses by their name.
-
-    Raises:
-        InputError: two transforms differ only in spelling.
-    """
-    found: dict[str, Poses] = {}
-    for one in poses:
-        if one.name in found:
-            raise InputError(
-                f"{name}: {found[one.name].plus_name} and {one.plus_name} are one transform twice; rename one"
-            )
-        found[one.name] = one
-    return found
-
-
-def rigidity_error(matrices: ArrayLike) -> Array:
-    """(...): how far matrices (..., 4, 4) are from rigid; NaN for those that are not finite.
-
-    The largest entry of ``|R^T R - I|`` and of the last row's difference from 0 0 0 1; a mirroring
-    matrix gives infinity.
-    """
-    array = np.asarray(matrices, dtype=float)
-    rotation = array[..., :3, :3]
-    with np.errstate(invalid="ignore", over="ignore"):
-        error = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(axis=(-2, -1), initial=0.0)
-        error = np.maximum(error, np.abs(array[..., 3, :] - [0, 0, 0, 1]).max(axis=-1, initial=0.0))
-        mirrored = np.linalg.det(np.where(np.isfinite(rotation), rotation, 0.0)) < 0
-    return np.asarray(np.where(mirrored & np.isfinite(error), np.inf, error))
-
-
 def _path(edges: list[Poses], target: str, source: str) -> list[tuple[Poses, bool]] | None:
     """The shortest chain of ``(poses, inverted)`` whose product is target_from_source."""
     queue: deque[tuple[str, list[tuple[Poses, bool]]]] = deque([(target, [])])
@@ -318,15 +222,3 @@ def _path(edges: list[Poses], target: str, source: str) -> list[tuple[Poses, boo
                     seen.add(there)
                     queue.append((there, [*chain, (poses, inverted)]))
     return None
-
-
-def _inverted(matrices: Array, valid: Mask) -> Array:
-    # The general inverse, not the transpose: files round rotations, and a chain should undo what they state.
-    inverse = np.full_like(matrices, np.nan)
-    inverse[valid] = np.linalg.inv(matrices[valid])
-    return inverse
-
-
-def _snake(name: str) -> str:
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
-    return re.sub(r"\W+", "_", words).lower()

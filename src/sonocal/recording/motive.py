@@ -14,12 +14,19 @@ import numpy as np
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.geometry import Array
 from sonocal.recording.findings import Diagnostic
-from sonocal.recording.model import Poses, Provenance, Recording, by_name
+from sonocal.recording.model import Provenance, Recording
+from sonocal.recording.poses import Poses, by_name
 from sonocal.recording.tables import cells_to_numbers, parse_rows
 
 __all__ = ["is_motive", "read_motive_text"]
 
-MM_PER_UNIT = {"meters": 1000.0, "metres": 1000.0, "centimeters": 10.0, "millimeters": 1.0, "millimetres": 1.0}
+MM_PER_UNIT = {
+    "meters": 1000.0,
+    "metres": 1000.0,
+    "centimeters": 10.0,
+    "millimeters": 1.0,
+    "millimetres": 1.0,
+}
 AXES = {"Rotation": ("X", "Y", "Z", "W"), "Position": ("X", "Y", "Z")}
 
 
@@ -38,9 +45,13 @@ def read_motive_text(path: Path, text: str) -> Recording:
     """
     rows, lines = parse_rows(path.name, text)
     about = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
-    top = next((i for i, row in enumerate(rows) if [c.strip() for c in row[:2]] == ["Frame", "Time (Seconds)"]), None)
+    top = next(
+        (i for i, row in enumerate(rows) if [c.strip() for c in row[:2]] == ["Frame", "Time (Seconds)"]), None
+    )
     if top is None or top + 1 >= len(rows):
-        raise FormatError(f"{path.name}: has no row 'Frame,Time (Seconds),...' with data below it; export it again")
+        raise FormatError(
+            f"{path.name}: has no row 'Frame,Time (Seconds),...' with data below it; export it again"
+        )
     _check_rotation(path.name, about)
     body = [row + [""] * (len(rows[top]) - len(row)) for row in rows[top + 1 :]]
     body_lines = lines[top + 1 :]
@@ -48,7 +59,9 @@ def read_motive_text(path: Path, text: str) -> Recording:
     scale = _scale(path.name, about)
     poses = by_name(list(_bodies(path.name, header, body, body_lines, scale)), path.name)
     if not poses:
-        raise InputError(f"{path.name}: holds no rigid body; export rigid bodies with their rotations as quaternions")
+        raise InputError(
+            f"{path.name}: holds no rigid body; export rigid bodies with their rotations as quaternions"
+        )
     times = cells_to_numbers(path.name, "Time (Seconds)", [row[1] for row in body], body_lines)
     if not np.isfinite(times).all():
         raise InputError(f"{path.name}: a time is not finite; export it again")
@@ -64,7 +77,9 @@ def read_motive_text(path: Path, text: str) -> Recording:
 def _check_rotation(name: str, about: dict[str, str]) -> None:
     kind = about.get("Rotation Type", "Quaternion")
     if kind != "Quaternion":
-        raise UnsupportedError(f"{name}: its rotations are {kind[:40]!r}; export them from Motive as Quaternion")
+        raise UnsupportedError(
+            f"{name}: its rotations are {kind[:40]!r}; export them from Motive as Quaternion"
+        )
 
 
 def _scale(name: str, about: dict[str, str]) -> float:
@@ -74,13 +89,17 @@ def _scale(name: str, about: dict[str, str]) -> float:
     return MM_PER_UNIT[unit.lower()]
 
 
-def _header_rows(name: str, rows: Sequence[Sequence[str]], axes: Sequence[str]) -> list[tuple[str, str, str, str]]:
+def _header_rows(
+    name: str, rows: Sequence[Sequence[str]], axes: Sequence[str]
+) -> list[tuple[str, str, str, str]]:
     """(type, name, Rotation or Position, axis) of every column."""
     by_label = {row[1].strip(): row for row in rows if len(row) > 2}
     types = by_label.get("Type") or next((row for row in rows if "Rigid Body" in row), None)
     quantities = next((row for row in rows if "Rotation" in row), None)
     if types is None or "Name" not in by_label or quantities is None:
-        raise FormatError(f"{name}: lacks the rows of types, names and quantities above the data; export it again")
+        raise FormatError(
+            f"{name}: lacks the rows of types, names and quantities above the data; export it again"
+        )
     columns = []
     for i, axis in enumerate(axes):
         cells = [row[i].strip() if i < len(row) else "" for row in (types, by_label["Name"], quantities)]
@@ -91,9 +110,11 @@ def _header_rows(name: str, rows: Sequence[Sequence[str]], axes: Sequence[str]) 
 def _bodies(
     name: str, header: list[tuple[str, str, str, str]], body: list[list[str]], lines: list[int], scale: float
 ) -> Iterator[Poses]:
-    from sonocal.recording.pose_csv import poses_from_quaternions  # noqa: PLC0415 - that module reads this one
+    from sonocal.recording.pose_csv import poses_from_quaternions
 
-    tools = dict.fromkeys(tool for kind, tool, quantity, _ in header if kind == "Rigid Body" and quantity == "Rotation")
+    tools = dict.fromkeys(
+        tool for kind, tool, quantity, _ in header if kind == "Rigid Body" and quantity == "Rotation"
+    )
     for tool in tools:
         parts: dict[str, Array] = {}
         for quantity, axes in AXES.items():
@@ -112,7 +133,9 @@ def _column(name: str, header: list[tuple[str, str, str, str]], tool: str, quant
     try:
         return header.index(("Rigid Body", tool, quantity, axis))
     except ValueError:
-        raise FormatError(f"{name}: rigid body {tool!r} lacks its column {quantity} {axis}; export it again") from None
+        raise FormatError(
+            f"{name}: rigid body {tool!r} lacks its column {quantity} {axis}; export it again"
+        ) from None
 
 
 def _about_axes(about: dict[str, str], scale: float) -> Diagnostic:

@@ -11,8 +11,8 @@ from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array
 from sonocal.recording.findings import Diagnostic
 from sonocal.recording.lines import Line
-from sonocal.recording.model import OnInvalid, Poses
 from sonocal.recording.pivot import PivotCalibration
+from sonocal.recording.poses import OnInvalid, Poses
 from sonocal.recording.spin import SpinCalibration
 
 __all__ = ["DigitisedPoint", "NeedleCalibration", "digitise_point", "needle_from_axis", "needle_from_points"]
@@ -54,7 +54,11 @@ class DigitisedPoint:
 
 
 def needle_from_axis(
-    pivot: PivotCalibration, spin: SpinCalibration, length_mm: float, name: str = "needle", frame: str = "Needle"
+    pivot: PivotCalibration,
+    spin: SpinCalibration,
+    length_mm: float,
+    name: str = "needle",
+    frame: str = "Needle",
 ) -> NeedleCalibration:
     """The needle from its tip (pivot) and axis (spin), which runs from the tip back to the marker.
 
@@ -62,7 +66,8 @@ def needle_from_axis(
         pivot: the tip.
         spin: the axis.
         length_mm: of the shaft, from the tip.
-        name, frame: of the line.
+        name: of the line.
+        frame: of the line.
 
     Raises:
         InputError: the length is not positive.
@@ -80,12 +85,14 @@ def needle_from_axis(
             Diagnostic(
                 code="tip-off-axis",
                 severity="warning",
-                message=f"the tip of the pivot lies {off:.2f} mm beside the axis of the spin; a straight needle has it on it",
+                message=f"the pivot's tip lies {off:.2f} mm beside the spin's axis, where a straight needle has it",
                 advice="repeat the one with the larger residual; check that the needle is straight and the marker fast",
             )
         )
     deviation = float(np.degrees(np.sqrt(np.trace(spin.covariance) / 2)))
-    return NeedleCalibration(Line(name, frame, np.array([tip, tip + length_mm * back])), deviation, tuple(findings))
+    return NeedleCalibration(
+        Line(name, frame, np.array([tip, tip + length_mm * back])), deviation, tuple(findings)
+    )
 
 
 def needle_from_points(
@@ -98,9 +105,11 @@ def needle_from_points(
     """The needle through two points of it: the tips of two pivots, or two digitised points.
 
     Args:
-        first_mm, second_mm: (3,), in the needle marker's frame.
+        first_mm: (3,), in the needle marker's frame.
+        second_mm: (3,), in the same frame.
         covariances: (3, 3) of each, mm^2.
-        name, frame: of the line.
+        name: of the line.
+        frame: of the line.
 
     Raises:
         DegenerateGeometryError: the points are so close that their direction says nothing.
@@ -114,8 +123,8 @@ def needle_from_points(
         spread = float(np.sqrt(sum(np.linalg.eigvalsh(np.asarray(c, dtype=float))[-1] for c in covariances)))
     if length <= max(3 * spread, 1e-6):
         raise DegenerateGeometryError(
-            f"the two points of the needle are {length:.2f} mm apart and known to {spread:.2f} mm: its direction is free; "
-            "take points as far apart as the shaft allows",
+            f"the needle's two points are {length:.2f} mm apart and known to {spread:.2f} mm: its direction is "
+            "free; take points as far apart as the shaft allows",
             "points-too-close",
         )
     findings = []
@@ -131,7 +140,9 @@ def needle_from_points(
     return NeedleCalibration(Line(name, frame, segment), float(np.degrees(spread / length)), tuple(findings))
 
 
-def digitise_point(tool_from_stylus: Poses, tip_mm: ArrayLike, on_invalid: OnInvalid = "raise") -> DigitisedPoint:
+def digitise_point(
+    tool_from_stylus: Poses, tip_mm: ArrayLike, on_invalid: OnInvalid = "raise"
+) -> DigitisedPoint:
     """A point of a tool touched with the tip of a stylus, from the frames of one touch.
 
         point = tool_from_stylus @ tip
@@ -148,14 +159,16 @@ def digitise_point(tool_from_stylus: Poses, tip_mm: ArrayLike, on_invalid: OnInv
     usable = tool_from_stylus.usable(tool_from_stylus.plus_name, on_invalid)
     matrices = usable.matrices[usable.valid]
     if len(matrices) < LEAST_SAMPLES:
-        raise InputError(f"{usable.plus_name}: has {len(matrices)} valid poses of the touch; {LEAST_SAMPLES} are needed")
+        raise InputError(
+            f"{usable.plus_name}: has {len(matrices)} valid poses of the touch; {LEAST_SAMPLES} are needed"
+        )
     points = matrices[:, :3, :3] @ np.asarray(tip_mm, dtype=float) + matrices[:, :3, 3]
     middle = np.median(points, axis=0)
     spread = float(np.median(np.linalg.norm(points - middle, axis=1)))
     if spread > STEADY_MM:
         raise DegenerateGeometryError(
-            f"{usable.plus_name}: the stylus tip moved by {spread:.2f} mm (median) during the touch, where it should rest; "
-            "record again, or give the frames of the touch alone",
+            f"{usable.plus_name}: the stylus tip moved by {spread:.2f} mm (median) during the touch, where it should "
+            "rest; record again, or give the frames of the touch alone",
             "moving",
         )
     return DigitisedPoint(middle, np.cov(points.T), len(points))

@@ -268,7 +268,7 @@ def _frames(header: _Header, axes: _Axes, layout: Layout, path: Path, offset: in
     return _Interleaved(whole, array_axes, layout)
 
 
-def _stored(
+def _stored(  # noqa: PLR0917 - what a stream is, in the order of `RawFrames`
     header: _Header, count: int, shape: tuple[int, ...], dtype: np.dtype[Any], path: Path, offset: int
 ) -> Frames:
     encoding = header.need("encoding").lower()
@@ -294,7 +294,7 @@ class _Interleaved(Frames):
         """Frame `index`; the first one asked for decodes them all."""
         if self._decoded is None:
             self._decoded = self._whole[0].transpose(self._order)
-        return self._decoded[index].reshape(self.shape)
+        return np.asarray(self._decoded[index]).reshape(self.shape)
 
 
 def _index_times(header: _Header, axes: _Axes, count: int) -> Array | None:

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
 from sonocal.geometry import Array
 from sonocal.recording.findings import Diagnostic
-from sonocal.recording.model import RIGID_TOLERANCE, rigidity_error
+from sonocal.recording.poses import RIGID_TOLERANCE, rigidity_error
 
 __all__ = ["PivotCalibration", "calibrate_pivot", "rotation_spread_deg"]
 
 MINIMAL_POSES = 3
 LEAST_POSES = 10
-TRIALS = 500
+TRIALS = 300
 # Spread of the tool's directions about the axis it turned most around, degrees rms. Below the first the
 # tip cannot be told from its neighbours along that axis; below the second its error is large.
 LEAST_SPREAD_DEG = 2.0
@@ -33,6 +33,8 @@ GOOD_SPREAD_DEG = 10.0
 STILL_DEG = 1.0
 GOOD_RMS_MM = 1.0
 GOOD_INLIERS = 0.7
+# A tip that half of the poses miss by more than this did not rest anywhere.
+LOOSEST_MM = 5.0
 TUKEY = 4.685
 # Distances beyond this many deviations per coordinate are no noise: 1 in 10 000 of a normal distribution in space.
 CUT = 4.6
@@ -93,10 +95,7 @@ def calibrate_pivot(
     solution, agrees = _settled(rotations, places, *_reweighted(rotations, places, start))
     residuals = _residuals(rotations, places, solution)
     distance = np.linalg.norm(residuals, axis=1)
-    if agrees.sum() < max(MINIMAL_POSES + 1, len(agrees) / 2):
-        raise NoConsensusError(
-            f"{source}: only {agrees.sum()} of {len(agrees)} poses share a tip; did it rest in one place?", int(agrees.sum())
-        )
+    _refuse_discord(distance, source)
     spread = rotation_spread_deg(rotations[agrees])
     _refuse_little_tilt(rotations[agrees], spread, source)
     inlier = np.zeros(len(poses), dtype=bool)
@@ -104,7 +103,14 @@ def calibrate_pivot(
     rms = float(np.sqrt(np.mean(distance[agrees] ** 2)))
     covariance = _covariance(rotations[agrees], residuals[agrees])
     tip, pivot = solution[:3], solution[3:]
-    findings = _findings(rotations[agrees], residuals[agrees], rms, float(agrees.mean()), spread, covariance)
+    findings = _findings(
+        rotations[agrees],
+        residuals[agrees],
+        rms=rms,
+        agreeing=float(agrees.mean()),
+        spread=spread,
+        covariance=covariance,
+    )
     return PivotCalibration(
         tip, pivot, covariance, rms, float(distance[agrees].max()), inlier, spread, tuple(findings)
     )
@@ -128,7 +134,9 @@ def checked_poses(poses: ArrayLike, valid: ArrayLike | None, source: str) -> tup
     if valid is not None:
         used &= np.asarray(valid, dtype=bool)
     if used.sum() < LEAST_POSES:
-        raise InputError(f"{source}: has {used.sum()} valid poses; a tool calibration needs {LEAST_POSES}, better 200")
+        raise InputError(
+            f"{source}: has {used.sum()} valid poses; a tool calibration needs {LEAST_POSES}, better 200"
+        )
     bent = used & ~(rigidity_error(array) <= RIGID_TOLERANCE)
     if bent.any():
         i = int(np.flatnonzero(bent)[0])
@@ -155,6 +163,16 @@ def _refuse_still(rotations: Array, source: str) -> None:
         )
 
 
+def _refuse_discord(distance: Array, source: str) -> None:
+    close = int((distance <= LOOSEST_MM).sum())
+    if 2 * close < len(distance):
+        raise NoConsensusError(
+            f"{source}: only {close} of {len(distance)} poses share a tip within {LOOSEST_MM:g} mm; "
+            "rest the tip in one divot throughout",
+            close,
+        )
+
+
 def _refuse_little_tilt(rotations: Array, spread: float, source: str) -> None:
     if spread < LEAST_SPREAD_DEG:
         axis = ", ".join(f"{x:.2f}" for x in _tip_information(rotations)[1][:, 0])
@@ -167,21 +185,19 @@ def _refuse_little_tilt(rotations: Array, spread: float, source: str) -> None:
 
 def _least_median(rotations: Array, places: Array, rng: np.random.Generator, source: str) -> Array:
     """The tip and pivot of the triple of poses whose median residual over all poses is least."""
-    n = len(rotations)
-    best, best_score = None, np.inf
-    for _ in range(TRIALS):
-        pick = rng.choice(n, MINIMAL_POSES, replace=False)
-        # Poses that hardly differ say nothing of the tip; their solution would be noise.
-        if rotation_spread_deg(rotations[pick]) < LEAST_SPREAD_DEG / 2:
-            continue
-        solution = _solve(rotations[pick], places[pick], np.ones(MINIMAL_POSES))
-        score = float(np.median(np.sum(_residuals(rotations, places, solution) ** 2, axis=1)))
-        if score < best_score:
-            best, best_score = solution, score
-    if best is None:
+    picks = np.argsort(rng.random((TRIALS, len(rotations))), axis=1)[:, :MINIMAL_POSES]
+    means = rotations[picks].mean(axis=1)
+    smallest = np.linalg.eigvalsh(np.eye(3) - np.swapaxes(means, 1, 2) @ means)[:, 0]
+    # Poses that hardly differ say nothing of the tip; their solution would be noise.
+    telling = picks[smallest > np.radians(LEAST_SPREAD_DEG / 2) ** 2]
+    if len(telling) == 0:
         _refuse_little_tilt(rotations, 0.0, source)
-        raise AssertionError
-    return best
+    system = _system(rotations)[telling].reshape(-1, 3 * MINIMAL_POSES, 6)
+    target = -places[telling].reshape(-1, 3 * MINIMAL_POSES, 1)
+    solutions = (np.linalg.pinv(system) @ target)[..., 0]
+    residuals = np.einsum("nij,tj->tni", rotations, solutions[:, :3]) + places - solutions[:, None, 3:]
+    scores = np.median(np.sum(residuals**2, axis=2), axis=1)
+    return np.asarray(solutions[np.argmin(scores)])
 
 
 def _reweighted(rotations: Array, places: Array, solution: Array) -> tuple[Array, float]:
@@ -199,7 +215,9 @@ def _reweighted(rotations: Array, places: Array, solution: Array) -> tuple[Array
     return solution, sigma
 
 
-def _settled(rotations: Array, places: Array, solution: Array, sigma: float) -> tuple[Array, NDArray[np.bool_]]:
+def _settled(
+    rotations: Array, places: Array, solution: Array, sigma: float
+) -> tuple[Array, NDArray[np.bool_]]:
     """Least squares over the poses within the cut, which follows from them, until the set is at rest.
 
     Clean recordings have flat tails, not outliers: all of them count then, and nothing is lost to the weights.
@@ -224,8 +242,14 @@ def _robust_sigma(residuals: Array) -> float:
 def _solve(rotations: Array, places: Array, weight: Array) -> Array:
     """(6,): tip and pivot of ``R_i tip - pivot = -t_i`` in weighted least squares."""
     root = np.sqrt(weight)[:, None, None]
-    system = np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2) * root
-    return np.linalg.lstsq(system.reshape(-1, 6), -(places * root[..., 0]).reshape(-1), rcond=None)[0]
+    system = _system(rotations) * root
+    target = -(places * root[..., 0]).reshape(-1)
+    return np.asarray(np.linalg.lstsq(system.reshape(-1, 6), target, rcond=None)[0])
+
+
+def _system(rotations: Array) -> Array:
+    """(N, 3, 6): the rows of one pose."""
+    return np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2)
 
 
 def _residuals(rotations: Array, places: Array, solution: Array) -> Array:
@@ -238,7 +262,7 @@ def _covariance(rotations: Array, residuals: Array) -> Array:
     Neighbouring poses share their error (a marker seen at one angle), so counting each as a measurement of
     its own promises far too much.
     """
-    jacobian = np.concatenate([rotations, np.broadcast_to(-np.eye(3), rotations.shape)], axis=2)
+    jacobian = _system(rotations)
     n = len(jacobian)
     bread = np.linalg.inv(np.einsum("nij,nik->jk", jacobian, jacobian))
     white = bread * float(np.sum(residuals**2)) / max(3 * n - 6, 1)
@@ -252,7 +276,7 @@ def _covariance(rotations: Array, residuals: Array) -> Array:
 
 
 def _findings(
-    rotations: Array, residuals: Array, rms: float, agreeing: float, spread: float, covariance: Array
+    rotations: Array, residuals: Array, *, rms: float, agreeing: float, spread: float, covariance: Array
 ) -> Iterator[Diagnostic]:
     if spread < GOOD_SPREAD_DEG:
         deviation = float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))

@@ -22,8 +22,9 @@ import numpy as np
 from sonocal.errors import FormatError, InputError
 from sonocal.geometry import Array
 from sonocal.recording.files import read_text
-from sonocal.recording.model import Poses, Provenance, Recording, by_name
+from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.motive import is_motive, read_motive_text
+from sonocal.recording.poses import Poses, by_name
 from sonocal.recording.sequence_fields import TRANSFORM
 from sonocal.recording.tables import Table, first_time_column, parse_table
 
@@ -65,9 +66,9 @@ def poses_from_quaternions(
     Raises:
         InputError: a quaternion is far from unit length: its columns are probably not what they say.
     """
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - 0.4 s that most calls do not need
+    from scipy.spatial.transform import Rotation
 
-    valid = np.isfinite(quaternions_wxyz).all(axis=1) & np.isfinite(places_mm).all(axis=1)
+    valid = np.asarray(np.isfinite(quaternions_wxyz).all(axis=1) & np.isfinite(places_mm).all(axis=1))
     length = np.linalg.norm(quaternions_wxyz, axis=1)
     off = valid & ~(np.abs(length - 1) <= UNIT_TOLERANCE)
     if off.any():
@@ -91,7 +92,9 @@ def _times(table: Table) -> Array:
     times = table.numbers(column)
     if not np.isfinite(times).all():
         row = int(np.flatnonzero(~np.isfinite(times))[0])
-        raise InputError(f"{table.name}, line {table.lines[row]}, column {column}: {times[row]} is not a time")
+        raise InputError(
+            f"{table.name}, line {table.lines[row]}, column {column}: {times[row]} is not a time"
+        )
     return times
 
 
@@ -126,19 +129,24 @@ def _from_matrix_columns(table: Table, prefix: str) -> Poses:
     matrices = np.full((len(table.lines), 16), np.nan)
     matrices[:, : len(wanted)] = columns
     if len(wanted) == 12:
-        matrices[:, 12:] = np.where(np.isfinite(columns).all(axis=1)[:, None], [0.0, 0.0, 0.0, 1.0], np.nan)
+        matrices[:, 12:] = np.where(
+            np.isfinite(columns).all(axis=1, keepdims=True), [0.0, 0.0, 0.0, 1.0], np.nan
+        )
     source, target = _names(prefix)
     return _with_status(table, Poses.of(source, target, matrices.reshape(-1, 4, 4)), f"{prefix}status")
 
 
 def _from_quaternion_columns(table: Table, prefix: str) -> Poses:
     scale, unit = next(
-        ((s, u) for s, u in ((1.0, ""), (1.0, "_mm"), (1000.0, "_m")) if f"{prefix}x{u}" in table.columns), (1.0, "")
+        ((s, u) for s, u in ((1.0, ""), (1.0, "_mm"), (1000.0, "_m")) if f"{prefix}x{u}" in table.columns),
+        (1.0, ""),
     )
     quaternions = _columns(table, prefix, QUATERNION)
     places = _columns(table, prefix, tuple(f"{axis}{unit}" for axis in "xyz")) * scale
     source, target = _names(prefix)
-    return _with_status(table, poses_from_quaternions(quaternions, places, source, target, table.name), f"{prefix}status")
+    return _with_status(
+        table, poses_from_quaternions(quaternions, places, source, target, table.name), f"{prefix}status"
+    )
 
 
 def _columns(table: Table, prefix: str, names: tuple[str, ...]) -> Array:

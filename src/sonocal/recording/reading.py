@@ -15,7 +15,7 @@ from sonocal.recording.model import Recording
 from sonocal.recording.nrrd import read_nrrd
 from sonocal.recording.nrrd_write import write_nrrd
 from sonocal.recording.pose_csv import read_pose_csv
-from sonocal.recording.timing import join
+from sonocal.recording.timing import join, with_latency
 from sonocal.recording.video import read_video
 
 __all__ = ["read_recording", "write_recording"]
@@ -43,7 +43,7 @@ def read_recording(path: str | Path, poses: str | Path | None = None, latency_s:
     images = read_image_folder(path) if path.is_dir() else _read_file(path)
     tracker = Path(poses) if poses is not None else _poses_beside(path)
     if tracker is None:
-        return images
+        return with_latency(images, latency_s)
     return join(images, _read_file(tracker), latency_s)
 
 
@@ -59,7 +59,9 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     elif suffix == ".nrrd":
         write_nrrd(recording, path, compress)
     else:
-        raise UnsupportedError(f"{path}: recordings are written as .mha, .mhd or .nrrd; choose one of these names")
+        raise UnsupportedError(
+            f"{path}: recordings are written as .mha, .mhd or .nrrd; choose one of these names"
+        )
 
 
 def _read_file(path: Path) -> Recording:
@@ -78,7 +80,9 @@ def _read_file(path: Path) -> Recording:
 def _read_text_file(path: Path, head: bytes) -> Recording:
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if start.startswith(b"<"):
-        raise UnsupportedError(f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines")
+        raise UnsupportedError(
+            f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines"
+        )
     if path.suffix.lower() in (".mha", ".mhd") or re.match(rb"\w+[ \t]*=", start):
         return read_metaio(path)
     if path.suffix.lower() in (".csv", ".txt") or start.startswith(b"Format Version"):

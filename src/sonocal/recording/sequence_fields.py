@@ -6,16 +6,18 @@
 
 from __future__ import annotations
 
+import math
 import re
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 
 import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.geometry import Array
-from sonocal.recording.model import Poses, Recording, by_name
+from sonocal.recording.model import Recording
+from sonocal.recording.poses import Poses, by_name
 
 __all__ = ["PREFIX", "ItemFields", "interpret", "item_lines"]
 
@@ -39,11 +41,13 @@ class ItemFields:
         Raises:
             FormatError: the key is not of that form, or stands twice.
         """
-        number, _, item_field = key[len(PREFIX) :].partition("_")
+        number, _, item_field = key[9:].partition("_")
         if not (number.isdecimal() and len(number) <= NUMBER_DIGITS and item_field):
             raise FormatError(f"{self.name}: header field {key[:80]!r} is not Seq_Frame<number>_<name>")
-        column = self.columns.setdefault(item_field, {})
         index = int(number)
+        column = self.columns.get(item_field)
+        if column is None:
+            column = self.columns[item_field] = {}
         if index in column:
             raise FormatError(
                 f"{self.name}, frame {index}: {item_field} stands twice in the header; delete one"
@@ -98,11 +102,11 @@ def item_lines(recording: Recording) -> Iterator[tuple[str, str]]:
     for i in range(len(recording)):
         prefix = f"{PREFIX}{i:0{width}d}_"
         for one, matrices in zip(poses, rows, strict=True):
-            if any(x == x for x in matrices[i]):  # an item without the pose has NaN throughout
+            if not all(map(math.isnan, matrices[i])):  # an item without the pose has NaN throughout
                 yield f"{prefix}{one.plus_name}Transform", " ".join(map(repr, matrices[i]))
             if (status := _status(one, i)) is not None:
                 yield f"{prefix}{one.plus_name}TransformStatus", status
-        if stamps[i] == stamps[i]:
+        if not math.isnan(stamps[i]):
             yield f"{prefix}Timestamp", repr(stamps[i])
         for name, column in recording.item_fields.items():
             if (text := column[i]) is not None:
@@ -130,20 +134,38 @@ def _poses(name: str, columns: dict[str, dict[int, str]], count: int) -> Iterato
 
 
 def _matrices(name: str, field_name: str, column: Mapping[int, str], count: int) -> Array:
-    rows = [text.split() for text in column.values()]
-    for index, row in zip(column, rows, strict=True):
-        if len(row) != 16:
-            raise FormatError(
-                f"{name}, frame {index}: {field_name} has {len(row)} numbers where a pose has 16"
-            )
-    try:
-        numbers = np.fromiter(map(float, chain.from_iterable(rows)), dtype=float, count=16 * len(rows))
-    except ValueError as error:
-        index = next(i for i, row in zip(column, rows, strict=True) if not all(map(_is_number, row)))
-        raise FormatError(f"{name}, frame {index}: {field_name} is not of numbers ({error})") from None
+    numbers = _sixteen_each(column)
+    if numbers is None:
+        numbers = np.array([_sixteen(name, index, field_name, text) for index, text in column.items()])
     matrices = np.full((count, 4, 4), np.nan)
     matrices[np.fromiter(column, dtype=np.int64, count=len(column))] = numbers.reshape(-1, 4, 4)
     return matrices
+
+
+def _sixteen_each(column: Mapping[int, str]) -> Array | None:
+    """(N, 16) of N sound texts, all at once, or None: an hour of poses is millions of numbers.
+
+    An infinity is put after each pose: where it does not stand at every seventeenth place, one is not sound.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            numbers = np.fromstring(" inf ".join(column.values()) + " inf", sep=" ")
+        except (DeprecationWarning, ValueError):
+            return None
+    if len(numbers) != 17 * len(column) or not np.isposinf(numbers[16::17]).all():
+        return None
+    return numbers.reshape(-1, 17)[:, :16]
+
+
+def _sixteen(name: str, index: int, field_name: str, text: str) -> list[float]:
+    words = text.split()
+    if len(words) != 16:
+        raise FormatError(f"{name}, frame {index}: {field_name} has {len(words)} numbers where a pose has 16")
+    try:
+        return [float(word) for word in words]
+    except ValueError as error:
+        raise FormatError(f"{name}, frame {index}: {field_name} is not of numbers ({error})") from None
 
 
 def _times(name: str, column: Mapping[int, str], count: int) -> Array:

@@ -118,7 +118,9 @@ def _refuse(turn: float, wobble_deg: float, source: str) -> None:
 def _point(rotations: Array, places: Array, axis: Array, direction: Array) -> tuple[Array, float]:
     """The axis' point nearest the marker's origin, and the rms distance it moves across the axis."""
     across = np.eye(3) - np.outer(direction, direction)
-    system = np.concatenate([across @ rotations, np.broadcast_to(-across, rotations.shape)], axis=2).reshape(-1, 6)
+    system = np.concatenate([across @ rotations, np.broadcast_to(-across, rotations.shape)], axis=2).reshape(
+        -1, 6
+    )
     target = -(places @ across.T).reshape(-1)
     # The shift along the axis is free; the least-norm solution has none of it in the point.
     solution = np.linalg.lstsq(system, target, rcond=1e-6)[0]

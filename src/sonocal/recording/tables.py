@@ -75,10 +75,16 @@ def cells_to_numbers(
         InputError: a cell is not a number; the sentence names line and column.
     """
     try:
-        return np.array([blank if blank is not None and not cell.strip() else float(cell) for cell in cells], dtype=float)
+        return np.array(
+            [blank if blank is not None and not cell.strip() else float(cell) for cell in cells], dtype=float
+        )
     except ValueError:
-        row = next(i for i, cell in enumerate(cells) if not _is_number(cell) and (blank is None or cell.strip()))
-    raise InputError(f"{name}, line {lines[row]}, column {column}: {cells[row].strip()[:40]!r} is not a number")
+        row = next(
+            i for i, cell in enumerate(cells) if not _is_number(cell) and (blank is None or cell.strip())
+        )
+    raise InputError(
+        f"{name}, line {lines[row]}, column {column}: {cells[row].strip()[:40]!r} is not a number"
+    )
 
 
 def first_time_column(header: Iterable[str]) -> str | None:

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array
-from sonocal.recording.model import OnInvalid, Poses, Recording
+from sonocal.recording.model import Recording
+from sonocal.recording.poses import OnInvalid, Poses
 
 __all__ = ["Lag", "estimate_latency", "interpolate_poses", "join", "motion_signal", "with_latency"]
 
@@ -29,6 +30,7 @@ def interpolate_poses(
     poses: Poses,
     times: ArrayLike,
     at: ArrayLike,
+    *,
     max_gap_s: float = MAX_GAP_S,
     source: str = "recording",
     on_invalid: OnInvalid = "raise",
@@ -58,7 +60,9 @@ def interpolate_poses(
     after = np.clip(np.searchsorted(stamps, wanted, side="left"), 0, len(stamps) - 1)
     exact = (stamps[after] == wanted) & usable.valid[after]
     before = np.maximum(after - 1, 0)
-    bridged = (stamps[before] < wanted) & (wanted < stamps[after]) & (stamps[after] - stamps[before] <= max_gap_s)
+    bridged = (
+        (stamps[before] < wanted) & (wanted < stamps[after]) & (stamps[after] - stamps[before] <= max_gap_s)
+    )
     bridged &= usable.valid[before] & usable.valid[after]
     matrices = np.full((len(wanted), 4, 4), np.nan)
     matrices[exact] = usable.matrices[after[exact]]
@@ -83,7 +87,9 @@ def join(
     """
     for part in (images, tracker):
         if np.isnan(part.times).any():
-            raise InputError(f"{part.name}: its items have no times, so poses cannot be joined to images; add stamps")
+            raise InputError(
+                f"{part.name}: its items have no times, so poses cannot be joined to images; add stamps"
+            )
     at = images.times + latency_s
     if at[0] > tracker.times.max() or at[-1] < tracker.times.min():
         raise InputError(
@@ -91,7 +97,9 @@ def join(
             f"{tracker.times.max():.3f} s: they do not overlap; bring both to one clock"
         )
     poses = {
-        name: interpolate_poses(one, tracker.times, at, max_gap_s, tracker.name, on_invalid)
+        name: interpolate_poses(
+            one, tracker.times, at, max_gap_s=max_gap_s, source=tracker.name, on_invalid=on_invalid
+        )
         for name, one in tracker.poses.items()
     }
     provenance = replace(
@@ -109,7 +117,13 @@ def with_latency(
     """The recording with every pose taken where its image belongs: at ``t + latency_s``."""
     if latency_s == 0.0:
         return recording
-    return join(replace(recording, provenance=recording.provenance, diagnostics=()), recording, latency_s, max_gap_s, on_invalid)
+    return join(
+        replace(recording, provenance=recording.provenance, diagnostics=()),
+        recording,
+        latency_s,
+        max_gap_s,
+        on_invalid,
+    )
 
 
 @dataclass(frozen=True)
@@ -157,7 +171,9 @@ def estimate_latency(
     seen_t, seen = _seen(image_times, image_signal)
     track_t, track = _seen(tracker_times, tracker_signal)
     if len(seen) < LEAST_OVERLAP or len(track) < LEAST_OVERLAP:
-        raise InputError(f"a lag needs {LEAST_OVERLAP} samples of each signal; got {len(seen)} and {len(track)}")
+        raise InputError(
+            f"a lag needs {LEAST_OVERLAP} samples of each signal; got {len(seen)} and {len(track)}"
+        )
     # One set of image samples for every lag, or the correlation would jump as samples enter and leave.
     inside = (seen_t - max_lag_s >= track_t[0]) & (seen_t + max_lag_s <= track_t[-1])
     if inside.sum() < LEAST_OVERLAP:
@@ -167,8 +183,11 @@ def estimate_latency(
         )
     at, wanted = seen_t[inside], seen[inside]
     if np.std(wanted) == 0 or np.std(track) == 0:
-        raise DegenerateGeometryError("a lag needs motion, and one of the two signals is constant", "static-signal")
-    lags = np.arange(-round(max_lag_s / GRID_S), round(max_lag_s / GRID_S) + 1) * GRID_S
+        raise DegenerateGeometryError(
+            "a lag needs motion, and one of the two signals is constant", "static-signal"
+        )
+    steps = round(max_lag_s / GRID_S)
+    lags = np.arange(-steps, steps + 1, dtype=np.float64) * np.float64(GRID_S)
     scores = np.array([_correlation(wanted, np.interp(at + lag, track_t, track)) for lag in lags])
     best = int(np.argmax(np.abs(scores)))
     peak = float(abs(scores[best]))
@@ -192,7 +211,7 @@ def motion_signal(poses: Poses) -> Array:
 
 
 def _between(first: Array, second: Array, part: Array) -> Array:
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - 0.4 s that most calls do not need
+    from scipy.spatial.transform import Rotation
 
     start = Rotation.from_matrix(first[:, :3, :3])
     turn = (start.inv() * Rotation.from_matrix(second[:, :3, :3])).as_rotvec()

@@ -26,13 +26,10 @@ def read_video(path: Path) -> Recording:
     """
     file_size(path)
     frames = VideoFrames(path)
-    rows, columns = frames.shape[:2]
-    channels = frames.shape[2] if len(frames.shape) == 3 else 1
-    geometry = ImageGeometry((columns, rows), channels, "uint8", "", np.eye(4))
     return Recording(
         times=frames.times,
         frames=frames,
-        image=geometry,
+        image=ImageGeometry.of(frames),
         provenance=Provenance(path.name, "video", (str(path),)),
     )
 
@@ -101,7 +98,12 @@ class VideoFrames(Frames):
     def _stream(self, container: Any) -> Any:
         if not container.streams.video:
             raise FormatError(f"{self._path.name}: holds no video stream")
-        return container.streams.video[0]
+        stream = container.streams.video[0]
+        if stream.codec_context is None or stream.time_base is None:
+            raise FormatError(
+                f"{self._path.name}: its video is of a kind that cannot be decoded; convert it to .mp4"
+            )
+        return stream
 
 
 class _Guarded:
@@ -120,16 +122,18 @@ class _Guarded:
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if self._container is not None:
             self._container.close()
-        if isinstance(error, self._av.error.FFmpegError):
+        if isinstance(error, (self._av.error.FFmpegError, ValueError, OverflowError)):
             raise self._sentence(error) from None
 
     def _sentence(self, error: Exception) -> FormatError:
-        return FormatError(f"{self._path.name}: cannot be decoded as video ({str(error)[:80]}); convert it to .mp4")
+        return FormatError(
+            f"{self._path.name}: cannot be decoded as video ({str(error)[:80]}); convert it to .mp4"
+        )
 
 
 def _pyav(path: Path) -> Any:
     try:
-        import av  # noqa: PLC0415 - 30 MB that only videos need
+        import av
     except ImportError:
         raise UnsupportedError(f"{path.name}: videos need PyAV; pip install 'sonocal[io]'") from None
     av.logging.set_level(None)

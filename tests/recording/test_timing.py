@@ -1,0 +1,132 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from sonocal import DegenerateGeometryError, InputError
+from sonocal.recording import (
+    Poses,
+    Recording,
+    bottom_line_signal,
+    estimate_latency,
+    interpolate_poses,
+    join,
+    motion_signal,
+    read_recording,
+    with_latency,
+)
+from tests.recording.makers import random_poses, random_recording
+
+PLUS_LAG_S = -0.0648266  # TemporalCalibrationResultsBaseline.xml
+
+
+def poses_of(matrices, valid=None):
+    poses = Poses.of("Probe", "Tracker", matrices)
+    return poses if valid is None else Poses("Probe", "Tracker", poses.matrices, np.array(valid))
+
+
+@given(st.integers(0, 10**6))
+def test_interpolation_agrees_with_scipy_slerp(seed):
+    rng = np.random.default_rng(seed)
+    matrices, times = random_poses(rng, 6), np.cumsum(rng.uniform(0.01, 0.1, 6))
+    at = rng.uniform(times[0], times[-1], 20)
+    found = interpolate_poses(poses_of(matrices), times, at)
+    expected = Slerp(times, Rotation.from_matrix(matrices[:, :3, :3]))(at).as_matrix()
+    assert found.valid.all()
+    np.testing.assert_allclose(found.matrices[:, :3, :3], expected, atol=1e-12)
+    for k in range(3):
+        np.testing.assert_allclose(
+            found.matrices[:, k, 3], np.interp(at, times, matrices[:, k, 3]), atol=1e-10
+        )
+
+
+def test_recorded_poses_come_back_to_the_bit():
+    matrices = random_poses(np.random.default_rng(0), 5)
+    times = np.arange(5) * 0.1
+    assert interpolate_poses(poses_of(matrices), times, times).matrices.tobytes() == matrices.tobytes()
+
+
+def test_no_pose_is_made_up():
+    """Not beside an invalid one, not across a gap, not beyond the ends."""
+    matrices = random_poses(np.random.default_rng(0), 5)
+    times = np.array([0.0, 0.1, 0.2, 0.3, 5.0])
+    poses = poses_of(matrices, [True, True, False, True, True])
+    at = np.array([-0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 1.0, 5.0, 5.01])
+    found = interpolate_poses(poses, times, at)
+    assert found.valid.tolist() == [False, True, True, False, False, False, True, False, True, False]
+    assert np.isnan(found.matrices[~found.valid]).all()
+
+
+def test_stamps_that_do_not_increase_are_refused():
+    with pytest.raises(InputError) as caught:
+        interpolate_poses(
+            poses_of(random_poses(np.random.default_rng(0), 3)), [0, 0.2, 0.1], [0.1], source="a.mha"
+        )
+    assert str(caught.value) == (
+        "a.mha, frame 2: its stamp 0.100000 s is not later than the 0.200000 s before it; delete or sort such frames"
+    )
+
+
+@given(st.floats(-0.2, 0.2), st.booleans(), st.integers(0, 1000))
+def test_a_known_lag_is_found_with_its_sign(latency, inverted, seed):
+    """Whatever happens at t, the tracker stamps it t + latency."""
+    rng = np.random.default_rng(seed)
+    phases = rng.uniform(0, 6, 4)
+
+    def motion(t):
+        return sum(np.sin(w * t + p) for w, p in zip((1.1, 2.3, 3.7, 5.1), phases, strict=True))
+
+    image_times = np.sort(rng.uniform(2, 18, 200))
+    tracker_times = np.arange(0, 20, 0.02)
+    sign = -7.0 if inverted else 3.0
+    image = sign * motion(image_times) + 100 + rng.normal(0, 0.02, 200)
+    tracker = motion(tracker_times - latency) + rng.normal(0, 0.01, len(tracker_times))
+    found = estimate_latency(image_times, image, tracker_times, tracker)
+    assert abs(found.latency_s - latency) < max(5 * found.deviation_s, 1e-3)
+    assert found.deviation_s < 5e-3
+
+
+def test_lag_of_the_water_tank(data_folder):
+    folder = data_folder / "recordings"
+    video = read_recording(folder / "WaterTankBottomTranslationVideoBuffer.igs.mha")
+    tracker = read_recording(folder / "WaterTankBottomTranslationTrackerBuffer-trimmed.igs.mha")
+    signal = bottom_line_signal(video.frames)
+    lag = estimate_latency(video.times, signal, tracker.times, motion_signal(tracker.tool("Probe")))
+    assert abs(lag.latency_s - PLUS_LAG_S) < 0.005
+    assert lag.correlation > 0.97
+    joined = join(video, tracker, lag.latency_s)
+    assert joined.poses["tracker_from_probe"].valid.mean() > 0.9
+
+
+def test_signals_that_tell_nothing_are_refused():
+    t = np.arange(0, 20, 0.05)
+    rng = np.random.default_rng(0)
+    with pytest.raises(DegenerateGeometryError, match="one of the two signals is constant"):
+        estimate_latency(t, np.ones_like(t), t, np.sin(t))
+    with pytest.raises(DegenerateGeometryError, match="no lag within"):
+        estimate_latency(t, rng.normal(size=len(t)), t, rng.normal(size=len(t)))
+    with pytest.raises(InputError, match="share 0 samples"):
+        estimate_latency(t, np.sin(t), t + 100, np.sin(t))
+
+
+def test_latency_moves_poses_and_nothing_else():
+    recording = random_recording(0, n=30)
+    steady = np.tile(np.eye(4), (30, 1, 1))
+    steady[:, 0, 3] = 10 * np.arange(30)
+    times = np.arange(30) * 0.1
+    moved = with_latency(
+        Recording(times=times, frames=recording.frames, image=recording.image, poses={"a": poses_of(steady)}),
+        0.05,
+    )
+    x = moved.poses["a"].matrices[:, 0, 3]
+    np.testing.assert_allclose(x[:-1], 10 * (np.arange(29) + 0.5))
+    assert not moved.poses["a"].valid[-1]
+    assert moved.times is times
+
+
+def test_recordings_that_do_not_overlap_are_not_joined():
+    images, tracker = random_recording(0, tools=()), random_recording(1, size=None)
+    far = Recording(times=tracker.times + 1e6, poses=tracker.poses)
+    with pytest.raises(InputError, match="they do not overlap; bring both to one clock"):
+        join(images, far)
