@@ -27,6 +27,7 @@ ENOUGH = 0.5
 """Share of the images that agree, from which no further ranks are tried."""
 CHANCE_FACTOR = 3.0
 LEAST_SIGHTINGS = 10
+LEAST_SHARE = 0.15
 TIGHTNESS = 3.5
 """Standard deviations of the residuals within which a candidate is the needle, once a calibration is known."""
 
@@ -107,7 +108,7 @@ def predicted_points(probe_from_image: AxisScaled, segments_mm: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -start[:, 2] / along[:, 2]
     crossing = start + share[:, None] * along
-    return np.asarray(np.where(np.isfinite(crossing).all(axis=1)[:, None], crossing, np.nan)[:, :2])
+    return np.asarray(np.where(np.isfinite(crossing).all(axis=1, keepdims=True), crossing, np.nan)[:, :2])
 
 
 def candidates_at(rows: Observations, chosen: NDArray[np.bool_]) -> Observations:
@@ -139,8 +140,8 @@ class _Table:
         np.maximum.at(worst, self.candidate, distance)
         least = np.full(self.count, np.inf)
         np.minimum.at(least, self.owner, worst)
-        best: NDArray[np.bool_] = (worst == least[self.owner]) & (worst <= threshold_mm)
-        return best[self.candidate]
+        best = np.flatnonzero((worst == least[self.owner]) & (worst <= threshold_mm))
+        return np.isin(self.candidate, best)
 
     def agreeing(self, chosen: NDArray[np.bool_]) -> int:
         """How many sightings the chosen rows belong to."""
@@ -169,24 +170,21 @@ def _first_consensus(
             break
     if best is None:
         raise refusal or _nothing_found(table, total, 0)
-    if best[0] < max(
-        LEAST_SIGHTINGS if total > LEAST_SIGHTINGS else 0,
-        CHANCE_FACTOR * _by_chance(table, best[1], threshold_mm),
-    ):
+    chance = CHANCE_FACTOR * _by_chance(table, best[1], threshold_mm)
+    if best[0] < max(min(LEAST_SIGHTINGS, total), LEAST_SHARE * total, chance):
         raise _nothing_found(table, total, best[0])
     return best[1]
 
 
 def _by_chance(table: _Table, calibration: Calibration, threshold_mm: float) -> float:
-    """Sightings that would agree if their candidates lay anywhere: measured by giving them to other images' needles."""
-    count = 0
-    shifts = [len(table.rows) // 3, len(table.rows) // 2, 2 * len(table.rows) // 3]
-    for shift in shifts:
-        distance = _distances(
-            calibration.probe_from_image, table.points, np.roll(table.rows.segments_mm, shift, axis=0)
-        )
-        count += len(np.unique(table.sighting[distance <= threshold_mm]))
-    return count / len(shifts) if table.rows.dimension == 2 else 0.0
+    """Sightings that would agree if their candidates lay anywhere in the box that holds all of them."""
+    points = table.rows.points_px
+    area = np.prod(np.ptp(points, axis=0)[:2] * calibration.probe_from_image.scales[:2])
+    one = min(1.0, np.pi * threshold_mm**2 / max(float(area), 1e-9))
+    if table.rows.dimension == 3:  # both ends of a line must agree
+        one *= one
+    candidates = np.bincount(table.owner, minlength=table.count)
+    return float(np.sum(1 - (1 - one) ** candidates))
 
 
 def _settle(

@@ -16,7 +16,7 @@ from sonocal.errors import InputError, NoConsensusError
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
 from sonocal.recording import Line, Recording
-from sonocal.recording.model import OnInvalid
+from sonocal.recording.poses import OnInvalid
 from sonocal.sightings import Detections, observations_from_recording
 
 __all__ = ["calibrate_recording", "candidate_observations", "line_observations"]

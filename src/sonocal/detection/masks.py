@@ -19,6 +19,7 @@ STILL = 3.0
 """Grey levels within which a pixel stands still; compressed video flickers by as much."""
 INK = 30.0
 """Grey level from which a still pixel is drawn over the image."""
+RIM_PX = 2
 LARGEST_OVERLAY = 0.2
 SMALLEST_FAN = 0.25
 """Shares of the image beyond which what was found is not what it was taken for."""
@@ -68,4 +69,8 @@ def _fan(lit: Mask) -> Mask:
     if fan.mean() < SMALLEST_FAN or (lit & largest).sum() < 0.6 * fan.sum():
         return everything
     # The outermost pixels are half black.
-    return np.asarray(binary_erosion(np.pad(fan, 1, mode="edge"), iterations=1)[(slice(1, -1),) * lit.ndim])
+    return np.asarray(
+        binary_erosion(np.pad(fan, RIM_PX, mode="edge"), iterations=RIM_PX)[
+            (slice(RIM_PX, -RIM_PX),) * lit.ndim
+        ]
+    )
