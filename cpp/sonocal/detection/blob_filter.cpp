@@ -29,7 +29,7 @@ constexpr float kStructure = 0.4f;      // of the contrast: above it lies what a
 constexpr double kStructureReach = 12;  // of the scale
 constexpr double kLong = 4;             // length over breadth from which a structure is no needle's section
 constexpr double kSpare = 0.25;         // what a peak on such a structure still counts
-constexpr int kPeaksTried = 8;
+constexpr int kPeaksTried = 50;  // and four a candidate asked for
 
 // Two peaks of one blob end at the same place.
 bool apart(const std::vector<Blob>& blobs, const Blob& blob) {
@@ -263,7 +263,7 @@ std::vector<Blob> BlobFilter::detect(const float* image, const BlobOptions& opti
   pool_image(image);
   respond(options.least_contrast);
   std::vector<Blob> blobs, spare;
-  for (const Peak& peak : peaks(options.least_score, kPeaksTried * options.count)) {
+  for (const Peak& peak : peaks(options.least_score, kPeaksTried + 4 * options.count)) {
     if (static_cast<int>(blobs.size()) == options.count) break;
     const Summit top = summit(image, peak);
     if (top.pixel < 0 || !(top.contrast > 0)) continue;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,8 @@ PAIRS = 500
 NEAR_PX, SHELL_PX = 1.5, 4.0
 """Of the coarse volume: what belongs to a line, and what around it must be dark."""
 REACH_PX, STEP_PX = 6, 0.5
+SECTION_PX = 3.0
+"""What belongs to a line through slices."""
 CUT = 0.75
 CORRELATION_PX = 3.0
 """Sections closer than the point spread see the same speckle: they are not independent."""
@@ -92,39 +95,46 @@ def detect_lines(
 
 
 def line_through_slices(
-    volume: NDArray[Any], angles: Array, *, offset_px: float = 0.0, seed: int = 0
+    volume: NDArray[Any],
+    angles: Sequence[float],
+    offsets_px: Sequence[float] = (-16.0, 0.0, 16.0),
+    *,
+    seed: int = 0,
 ) -> LineCandidate | None:
-    """The line through the needle's sections in slices at some angles: the paper's way (section 9).
+    """The line through the needle's sections in slices: the paper's way (section 9).
 
     Args:
         volume: indexed [w, v, u].
-        angles: rad, see `slice_volume`; three or more.
-        offset_px: of the slices from the volume's middle along their normals, so that they meet the needle apart.
+        angles: rad, see `slice_volume`; slices across the needle show it best.
+        offsets_px: of the slices from the volume's middle, so that they meet the needle in different places.
         seed: of the pairs tried.
 
     Returns:
         The line, or None where no three sections lie on one.
     """
     grey = as_grey(volume, 3)
-    points, weights = [], []
+    points, weights = [np.empty((0, 3))], [np.empty(0)]
     for angle in angles:
-        cut = slice_volume(grey, float(angle), offset_px=offset_px)
-        where, _, score = (
-            PointDetector(cut.image > 0, 3).detect(cut.image.clip(0, 255).astype(np.uint8))
-            if (cut.image > 0).any()
-            else (np.empty((0, 2)), 0, np.empty(0))
-        )
-        points.append(cut.to_volume(where))
-        weights.append(score)
+        for offset in offsets_px:
+            cut = slice_volume(grey, angle, offset_px=offset)
+            mask = cut.image > 0
+            if mask.any():
+                found, _, score = PointDetector(mask, 3, centre="mass").detect(
+                    cut.image.clip(0, 255).astype(np.uint8)
+                )
+                points.append(cut.to_volume(found))
+                weights.append(score)
     places, strength = np.concatenate(points), np.concatenate(weights)
-    if len(places) < 3:
+    line = (
+        _strongest(places, strength, np.random.default_rng(seed), near=SECTION_PX)
+        if len(places) >= 3
+        else None
+    )
+    if line is None:
         return None
-    found = _strongest(places, strength, np.random.default_rng(seed), near=3.0)
-    if found is None:
-        return None
-    near = _distances(places, found[0]) <= 3.0
+    near = _distances(places, line[0]) <= SECTION_PX
     return (
-        _fit(places[near], strength[near], found[1], independent=int(near.sum())) if near.sum() >= 3 else None
+        _fit(places[near], strength[near], line[1], independent=int(near.sum())) if near.sum() >= 3 else None
     )
 
 
