@@ -86,7 +86,7 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
     """Write a simulated recording with known truth: sweep.igs.mha, needle.toml, truth.json."""
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
     from sonocal.simulation.sweep_files import write_sweep
-    from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, Look
+    from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, SMALL_PARTS_BATH, Look
     from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
 
     probes: dict[str, Callable[[], ProbeGeometry]] = {
@@ -94,7 +94,8 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
         "linear": linear,
         "curvilinear-3d": curvilinear_3d,
     }
-    appearance = BATH if look == "bath" else SMALL_PARTS if probe == "linear" else Look()
+    fine, wet = probe == "linear", look == "bath"
+    appearance = (SMALL_PARTS_BATH if wet else SMALL_PARTS) if fine else BATH if wet else Look()
     sweep = simulate_sweep(probes[probe](), appearance, SweepOptions(**options))
     with _progress("images") as report:
         paths = write_sweep(sweep, output, report)

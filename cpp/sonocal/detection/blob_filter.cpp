@@ -29,7 +29,7 @@ constexpr float kStructure = 0.4f;      // of the contrast: above it lies what a
 constexpr double kStructureReach = 12;  // of the scale
 constexpr double kLong = 4;             // length over breadth from which a structure is no needle's section
 constexpr double kSpare = 0.25;         // what a peak on such a structure still counts
-constexpr int kPeaksTried = 50;  // and four a candidate asked for
+constexpr int kPeaksTried = 50;         // and four a candidate asked for
 
 // Two peaks of one blob end at the same place.
 bool apart(const std::vector<Blob>& blobs, const Blob& blob) {

@@ -33,9 +33,10 @@ LEAST_NOISE = 1.0
 # Where a blob is cut (of its contrast), how deep a valley parts it, and how tall it may be: see BlobFilter.
 CUTS: dict[str, tuple[float, float, float]] = {"head": (0.7, 0.1, 0.3), "mass": (0.2, 0.3, np.inf)}
 
-# Fitted to simulated sweeps: error^2 = FLOOR + SHAPE (second moments of the blob); see docs/detection.md.
-FLOOR_PX2 = 0.04
-SHAPE: dict[str, float] = {"head": 0.05, "mass": 0.05}
+# Fitted to simulated sweeps: error^2 = FLOOR + SHAPE x second moment of the cut blob, by component. Along the beam
+# a first echo is harder to tell from what follows it than its sides are.
+FLOOR_PX2 = 0.02
+SHAPE = np.array([[0.007, 0.0213], [0.0213, 0.065]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +140,7 @@ class PointDetector:
             split=split,
             flatness=flatness,
         )
-        return blobs[:, :2], _covariances(blobs, SHAPE[self._centre]), blobs[:, 2]
+        return blobs[:, :2], _covariances(blobs), blobs[:, 2]
 
 
 def detect_points(
@@ -198,6 +199,6 @@ def default_scales(shape: tuple[int, ...]) -> tuple[float, ...]:
     return tuple(finest * RATIO**i for i in range(SCALES))
 
 
-def _covariances(blobs: Array, shape: float) -> Array:
+def _covariances(blobs: Array) -> Array:
     moments = blobs[:, [5, 6, 6, 7]].reshape(-1, 2, 2)
-    return np.asarray(FLOOR_PX2 * np.eye(2) + shape * moments)
+    return np.asarray(FLOOR_PX2 * np.eye(2) + SHAPE * moments)

@@ -8,7 +8,7 @@ B-scans, IEEE Trans. Sonics Ultrasonics 30, 1983).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.geometry import Array
 from sonocal.simulation.ultrasound_probe import ProbeGeometry
 
-__all__ = ["BATH", "SMALL_PARTS", "Echo", "Look", "UltrasoundImager"]
+__all__ = ["BATH", "SMALL_PARTS", "SMALL_PARTS_BATH", "Echo", "Look", "UltrasoundImager"]
 
 Image = NDArray[np.uint8]
 Complex = NDArray[np.complex64]
@@ -79,6 +79,8 @@ SMALL_PARTS = Look(
     attenuation_db=4.0,
 )
 """A linear probe of higher frequency: finer in every direction."""
+
+SMALL_PARTS_BATH = replace(SMALL_PARTS, speckle_db=-66.0, near_field_db=10.0, noise_db=-66.0)
 
 
 @dataclass(frozen=True, eq=False)
