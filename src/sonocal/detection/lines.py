@@ -30,7 +30,7 @@ CUT = 0.75
 CORRELATION_PX = 3.0
 """Sections closer than the point spread see the same speckle: they are not independent."""
 LEAST_LENGTH_PX = 10.0
-FLOOR_PX2 = 0.01
+FLOOR_PX2 = 0.02
 LEAST_POINTS = 4
 
 
