@@ -20,8 +20,13 @@ ALLOWED: dict[str, set[str]] = {
     "observations": EVERYONE,
     "registration": EVERYONE | {"_core"},
     "recording": EVERYONE,
+    "detection": EVERYONE | {"recording", "_core"},
     "sightings": EVERYONE | {"observations", "recording"},
-    "detection": EVERYONE | {"recording"},
+    "candidates": EVERYONE | CALIBRATION | {"observations"},
+    "needle_sweep": EVERYONE
+    | CALIBRATION
+    | {"candidates", "detection", "observations", "recording", "sightings"},
+    "contact_sheet": EVERYONE | {"detection", "recording"},
     "diagnostics": EVERYONE | {"registration"},
     "calibration": EVERYONE | CALIBRATION | {"observations", "registration", "recording", "detection"},
     "calibration_file": EVERYONE | CALIBRATION | {"registration"},
@@ -30,10 +35,10 @@ ALLOWED: dict[str, set[str]] = {
     "terminal": EVERYONE | CALIBRATION | {"observations", "recording", "registration", "simulation"},
 }
 # These see everything: the public face and the command line.
-UNRESTRICTED = {"__init__", "__main__", "cli"}
+UNRESTRICTED = {"__init__", "__main__", "cli", "cli_detection"}
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {"scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL"}
-LAZY_EXEMPT = {"cli": {"click"}, "terminal": {"rich"}}
+LAZY_EXEMPT = {"cli": {"click"}, "cli_detection": {"click"}, "terminal": {"rich"}}
 
 
 def imported(tree: ast.AST, *, module_level: bool) -> set[str]:

@@ -4,4 +4,5 @@ NB_MODULE(_core, m) {
   m.doc() = "The mathematics of sonocal, in C++.";
   bind_solvers(m);
   bind_estimate(m);
+  bind_detection(m);
 }

@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kMostRounds = 50;
 constexpr int kIterationsARound = 2;
-constexpr double kConvergedMove = 1e-7;   // of the transform's entries, which are of order one
-constexpr double kConvergedLevel = 1e-3;  // of a squared level, relative
+constexpr double kConvergedMove = 1e-9;   // of the transform's entries, which are of order one
+constexpr double kConvergedLevel = 1e-5;  // of a squared level, relative
 constexpr double kMostShrinking = -0.75, kMostGrowing = 3.0;  // of a squared level in one step, relative
 constexpr double kLeastLevel = 1e-34;  // squared, so that noise-free rows have a weight
 // How far, in standard deviations of its logarithm, the ratio of the two noises' shares in the residuals is

@@ -1,5 +1,6 @@
 """The mathematics of sonocal, in C++."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy
@@ -63,3 +64,8 @@ def estimate(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), ord
 def refine(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, 2, 3), order='C', device='cpu', writable=False)], sightings: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_px: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_mm: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, chosen: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], rotation: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='C', device='cpu', writable=False)], translation: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C', device='cpu', writable=False)], scales: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C', device='cpu', writable=False)], *, dimension: int, model: str, weighting: str, level_px: float, level_mm: float) -> Estimate: ...
 
 def white_residuals(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], segments: Annotated[NDArray[numpy.float64], dict(shape=(None, 2, 3), order='C', device='cpu', writable=False)], sightings: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_px: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_mm: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, chosen: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], rotation: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='C', device='cpu', writable=False)], translation: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C', device='cpu', writable=False)], scales: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C', device='cpu', writable=False)], *, dimension: int, model: str, weighting: str, level_px: float, level_mm: float) -> tuple[Annotated[NDArray[numpy.float64], dict(order='C')], Annotated[NDArray[numpy.float64], dict(order='C')], Annotated[NDArray[numpy.float64], dict(order='C')], Annotated[NDArray[numpy.int32], dict(order='C')]]: ...
+
+class BlobFilter:
+    def __init__(self, mask: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], scales: Sequence[float], pool: int) -> None: ...
+
+    def detect(self, image: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], count: int, least_score: float, least_contrast: float, level: float, split: float, flatness: float) -> Annotated[NDArray[numpy.float64], dict(order='C')]: ...

@@ -235,7 +235,7 @@ def calibrate(
     refuse_free_motion(fit.least_information)
 
     known = (sigma_px or rows.sigma_px is not None) and (sigma_mm or rows.sigma_mm is not None)
-    groupings, stretch = _groupings(rows, fit)
+    groupings, stretch = _groupings(table, rows.split, fit)
     noise = estimate_noise(table, fit, groupings, levels_known=bool(known))
     diagnostics = [
         *diagnose_fit(fit),
@@ -311,16 +311,17 @@ def point_line_rows(observations: Observations) -> PointLineRows:
     )
 
 
-def _groupings(rows: Observations, fit: Fit) -> tuple[dict[str, NDArray[np.int64]], int]:
+def _groupings(
+    table: PointLineRows, split: NDArray[np.str_], fit: Fit
+) -> tuple[dict[str, NDArray[Any]], int]:
     """What rows may share an error by: frame, needle or wire, stretch of frames; and a stretch's length."""
-    agreeing = rows.select(fit.inlier)
-    points = homogeneous_points(agreeing.points_px)
-    residuals = residual_vectors(fit.transform, points, agreeing.segments_mm)
-    stretch = stretch_length(residuals, group_codes(agreeing.split, agreeing.frame))
-    frame = group_codes(rows.split, rows.frame)
-    groupings = {"frame": frame, "target": group_codes(rows.target)}
+    assert table.frame is not None
+    assert table.target is not None
+    residuals = residual_vectors(fit.transform, table.points[fit.inlier], table.segments_mm[fit.inlier])
+    stretch = stretch_length(residuals, group_codes(table.frame[fit.inlier]))
+    groupings: dict[str, NDArray[Any]] = {"frame": table.frame, "target": table.target}
     if stretch > 1:
-        groupings["stretch"] = group_codes(rows.split, frame // stretch)
+        groupings["stretch"] = group_codes(split, table.frame // stretch)
     return groupings, stretch
 
 
@@ -339,7 +340,7 @@ def _diagnose_weakness(
 
 
 def _diagnose_anisotropy(
-    table: PointLineRows, fit: Fit, groupings: dict[str, NDArray[np.int64]]
+    table: PointLineRows, fit: Fit, groupings: dict[str, NDArray[Any]]
 ) -> Iterator[Diagnostic]:
     """Fits the wider model too, and tests whether its two scales differ."""
     if table.dimension == 3 or fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal import __version__
+from sonocal.cli_detection import COMMANDS
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
@@ -239,3 +240,7 @@ def info(file: Path) -> None:
             f"{file.name}: is neither a calibration (JSON) nor a table of sightings (CSV): {error}"
         ) from None
     print_observations(_console(), observations)
+
+
+for _command in COMMANDS:
+    main.add_command(_command)

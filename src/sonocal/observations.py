@@ -206,9 +206,12 @@ def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
     codes = np.zeros(len(columns[0]), dtype=np.int64)
     for column in columns:
+        if len(column) == 0 or np.all(column == column[0]):
+            continue
         distinct, code = np.unique(column, return_inverse=True)
-        if len(distinct) > 1:
-            codes = np.unique(codes * len(distinct) + code.reshape(-1), return_inverse=True)[1].reshape(-1)
+        codes = codes * len(distinct) + code.reshape(-1)
+        if column is not columns[0]:
+            codes = np.unique(codes, return_inverse=True)[1].reshape(-1)
     return codes
 
 

@@ -252,3 +252,16 @@ def test_ten_thousand_rows_are_fitted_as_a_few_are():
     found = fit(scene.observations, weighting="likelihood")
     np.testing.assert_allclose(found.transform.matrix, scene.probe_from_image.matrix, atol=0.15)
     assert found.inlier[~scene.outlier].mean() > 0.99
+
+
+@pytest.mark.parametrize("rows_count", [12, 50, 400])
+def test_rows_that_have_nothing_to_do_with_each_other_are_refused(rows_count):
+    refused = 0
+    for seed in range(10):
+        rows = simulate_observations(2, rows_count, seed=seed).observations
+        points = np.random.default_rng(seed).uniform(0, 500, (rows_count, 2))
+        try:
+            fit(Observations(points, rows.segments_mm), max_samples=500)
+        except NoConsensusError:
+            refused += 1
+    assert refused >= 9

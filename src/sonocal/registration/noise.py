@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal import _core
-from sonocal.geometry import Array, AxisScaled, segment_directions
-from sonocal.registration.robust import Fit
+from sonocal.geometry import Array, AxisScaled
+from sonocal.registration.robust import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows, transform_arrays
 
 __all__ = ["Noise", "estimate_noise", "residual_vectors", "stretch_length"]
@@ -46,13 +47,11 @@ class Noise:
 
 def residual_vectors(transform: AxisScaled, points: Array, segments_mm: Array) -> Array:
     """(N, 3), mm: from each line to its mapped point, at right angles to the line."""
-    directions = segment_directions(segments_mm)
-    away = transform.apply(points) - segments_mm[:, 0]
-    return np.asarray(away - np.sum(away * directions, axis=1, keepdims=True) * directions)
+    return away_from_lines(transform.apply(points), segments_mm)
 
 
 def estimate_noise(
-    rows: PointLineRows, fit: Fit, groupings: dict[str, NDArray[np.int64]], *, levels_known: bool = False
+    rows: PointLineRows, fit: Fit, groupings: dict[str, NDArray[Any]], *, levels_known: bool = False
 ) -> Noise:
     """Noise of the rows and of their groups, and the tangent's covariance under it.
 

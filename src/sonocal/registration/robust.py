@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.errors import NoConsensusError
-from sonocal.geometry import Array, AxisScaled, Similarity
+from sonocal.geometry import Array, AxisScaled, Similarity, segment_directions
 from sonocal.registration.rows import PointLineRows
 
 __all__ = ["MINIMAL_ROWS", "Fit", "Model", "Weighting", "fit_point_lines"]
 
 # Four points in 2D, two points of each of two lines in 3D: 8 equations for 7 parameters.
 MINIMAL_ROWS = 4
+# How many other rows' lines each point is compared with to see what agrees by chance.
+CHANCE_SHIFTS = 12
 
 Model = Literal["similarity", "anisotropic"]
 Weighting = Literal["likelihood", "geometric"]
@@ -102,7 +104,8 @@ def fit_point_lines(
         The fit.
 
     Raises:
-        NoConsensusError: no candidate agrees with more rows than a minimal sample fits anyway.
+        NoConsensusError: no candidate agrees with more rows than a minimal sample fits anyway, or than chance
+            gives.
 
     Source: paper sections 6.2, 8 and 9; MSAC: Torr and Zisserman 2000; local optimisation: Chum, Matas and
         Kittler 2003; noise levels: Gilmour, Thompson and Cullis 1995.
@@ -133,7 +136,47 @@ def fit_point_lines(
             "are matched to the right needle poses and that segments are in the probe marker's frame in mm",
             best_count=found.inliers,
         )
-    return fit_of(found, model, weighting, np.sqrt(found.squares) <= found.threshold_mm)
+    fit = fit_of(found, model, weighting, np.sqrt(found.squares) <= found.threshold_mm)
+    if 2 * found.inliers < len(rows):
+        _refuse_chance(rows, fit)
+    return fit
+
+
+def _refuse_chance(rows: PointLineRows, fit: Fit) -> None:
+    """Raise if as many rows would agree had points and lines nothing to do with each other.
+
+    The share of rows that agree by chance is that of points with other rows' lines; the number of false
+    alarms is the binomial tail over all models that minimal samples could have given.
+
+    Source: a-contrario model estimation (Moisan and Stival 2004), with the background measured.
+    """
+    from scipy.special import bdtrc, gammaln
+
+    count, agreeing = len(rows), int(fit.inlier.sum())
+    shifts = np.unique(np.linspace(1, count - 1, CHANCE_SHIFTS).astype(int))
+    mapped = fit.transform @ rows.points
+    near = [
+        np.linalg.norm(away_from_lines(mapped, np.roll(rows.segments_mm, shift, axis=0)), axis=1)
+        <= fit.threshold_mm
+        for shift in shifts
+    ]
+    chance = (np.sum(near) + 1.0) / (np.size(near) + 2.0)
+    samples = gammaln(count + 1) - gammaln(count - MINIMAL_ROWS + 1) - gammaln(MINIMAL_ROWS + 1) + np.log(4)
+    tail = bdtrc(agreeing - MINIMAL_ROWS - 1, count - MINIMAL_ROWS, chance)
+    if tail > 0 and samples + np.log(tail) > 0:
+        raise NoConsensusError(
+            f"the best calibration brings {agreeing} of {count} rows within {fit.threshold_mm:.3g} mm of their lines, "
+            f"no more than chance would ({100 * chance:.1f} % of points are that near to lines of other rows); check "
+            "that rows are matched to the right needle poses and that segments are in the probe marker's frame in mm",
+            best_count=agreeing,
+        )
+
+
+def away_from_lines(points_mm: Array, segments_mm: Array) -> Array:
+    """(N, 3), mm: from each line to its point, at right angles to the line."""
+    directions = segment_directions(segments_mm)
+    away = points_mm - segments_mm[:, 0]
+    return np.asarray(away - np.sum(away * directions, axis=1, keepdims=True) * directions)
 
 
 def fit_of(found: _core.Estimate, model: Model, weighting: Weighting, inlier: NDArray[np.bool_]) -> Fit:

@@ -1,0 +1,20 @@
+"""The needle in images: candidate points in 2D, lines in 3D."""
+
+from sonocal.detection.grey import as_grey
+from sonocal.detection.lines import LineCandidate, detect_lines, line_through_slices
+from sonocal.detection.masks import find_mask
+from sonocal.detection.points import Candidates, PointDetector, detect_points
+from sonocal.detection.slices import VolumeSlice, slice_volume
+
+__all__ = [
+    "Candidates",
+    "LineCandidate",
+    "PointDetector",
+    "VolumeSlice",
+    "as_grey",
+    "detect_lines",
+    "detect_points",
+    "find_mask",
+    "line_through_slices",
+    "slice_volume",
+]

@@ -1,0 +1,76 @@
+"""Which pixels of a recording are ultrasound: not the text, the rulers, nor the black around the fan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.detection.grey import as_grey
+
+__all__ = ["find_mask"]
+
+Mask = NDArray[np.bool_]
+
+SAMPLES = 24
+STILL = 3.0
+"""Grey levels within which a pixel stands still; compressed video flickers by as much."""
+INK = 30.0
+"""Grey level from which a still pixel is drawn over the image."""
+RIM_PX = 2
+LARGEST_OVERLAY = 0.2
+SMALLEST_FAN = 0.25
+"""Shares of the image beyond which what was found is not what it was taken for."""
+
+
+def find_mask(frames: Sequence[NDArray[Any]], dimension: int = 2) -> Mask:
+    """The pixels to look at, from some images spread over a recording.
+
+    A pixel that is bright and never changes is text, a ruler or a logo. Around the fan pixels are black in every
+    image; where the fan itself is mostly black (water, low gain) its edge does not show and needs no mask.
+
+    Args:
+        frames: the recording's images; a few of them are read.
+        dimension: 2 or 3.
+
+    Returns:
+        True where to look, shaped like a frame without its colours.
+    """
+    index = np.unique(np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).astype(int))
+    least = greatest = as_grey(frames[int(index[0])], dimension)
+    for i in index[1:]:
+        grey = as_grey(frames[int(i)], dimension)
+        least, greatest = np.minimum(least, grey), np.maximum(greatest, grey)
+    overlay = _overlay(least, greatest) if len(index) > 2 else np.zeros(least.shape, dtype=bool)
+    return np.asarray(_fan((greatest > 0) & ~overlay) & ~overlay)
+
+
+def _overlay(least: NDArray[np.float32], greatest: NDArray[np.float32]) -> Mask:
+    from scipy.ndimage import binary_dilation
+
+    still = (greatest - least <= STILL) & (least >= INK)
+    if still.mean() > LARGEST_OVERLAY:  # a frozen recording: everything stands still
+        return np.zeros(least.shape, dtype=bool)
+    # Letters are blurred at their rims where the screen was scaled.
+    return np.asarray(binary_dilation(still, iterations=3))
+
+
+def _fan(lit: Mask) -> Mask:
+    from scipy.ndimage import binary_closing, binary_erosion, binary_fill_holes, label
+
+    everything = np.ones(lit.shape, dtype=bool)
+    parts, count = label(binary_closing(np.pad(lit, 4), iterations=3)[(slice(4, -4),) * lit.ndim])
+    if count == 0:
+        return everything
+    largest = parts == 1 + int(np.argmax(np.bincount(parts.reshape(-1))[1:]))
+    fan = binary_fill_holes(largest)
+    if fan.mean() < SMALLEST_FAN or (lit & largest).sum() < 0.6 * fan.sum():
+        return everything
+    # The outermost pixels are half black.
+    return np.asarray(
+        binary_erosion(np.pad(fan, RIM_PX, mode="edge"), iterations=RIM_PX)[
+            (slice(RIM_PX, -RIM_PX),) * lit.ndim
+        ]
+    )

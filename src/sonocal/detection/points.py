@@ -1,0 +1,204 @@
+"""The needle's section in a 2D image: several candidates, sub-pixel, each with its covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal import _core
+from sonocal.detection.grey import as_grey
+from sonocal.detection.masks import find_mask
+from sonocal.errors import InputError
+from sonocal.geometry import Array
+from sonocal.recording import Recording
+
+__all__ = ["Candidates", "Centre", "PointDetector", "detect_points"]
+
+Centre = Literal["head", "mass"]
+Progress = Callable[[int, int], None]
+
+SCALES = 6
+RATIO = 1.6
+"""Between neighbouring scales; a difference of Gaussians of this ratio comes closest to the Laplacian."""
+FINEST_SHARE = 1 / 300
+"""Of the image's smaller side: the finest scale, at least 1 px."""
+LEAST_SCORE = 4.0
+LEAST_NOISE = 1.0
+
+# Where a blob is cut (of its contrast), how deep a valley parts it, and how tall it may be: see BlobFilter.
+CUTS: dict[str, tuple[float, float, float]] = {"head": (0.7, 0.1, 0.3), "mass": (0.2, 0.3, np.inf)}
+
+# Fitted to simulated sweeps: error^2 = FLOOR + SHAPE x second moment of the cut blob, by component. Along the beam
+# a first echo is harder to tell from what follows it than its sides are.
+FLOOR_PX2 = 0.02
+SHAPE = np.array([[0.007, 0.0213], [0.0213, 0.065]])
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Places that may be the needle; all arrays have one entry a candidate, best first within a frame.
+
+    Attributes:
+        frame: (N,) index of the image.
+        points_px: (N, 2).
+        covariance_px2: (N, 2, 2).
+        score: (N,): contrast in units of the image's own noise, less for what is long or lies on such.
+        frames: how many images were looked at.
+    """
+
+    frame: NDArray[np.int64]
+    points_px: Array
+    covariance_px2: Array
+    score: Array
+    frames: int
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def rank(self) -> NDArray[np.int64]:
+        """(N,): 0 for the best candidate of its frame."""
+        start = np.searchsorted(self.frame, self.frame, side="left")
+        return np.asarray(np.arange(len(self.frame)) - start)
+
+    @property
+    def sigma_px(self) -> Array:
+        """(N,): standard deviation of a coordinate, the mean over directions."""
+        return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2) / 2))
+
+    def select(self, rows: NDArray[Any]) -> Candidates:
+        """Some of the candidates, by a mask or indices."""
+        return Candidates(
+            self.frame[rows], self.points_px[rows], self.covariance_px2[rows], self.score[rows], self.frames
+        )
+
+
+class PointDetector:
+    """Finds bright compact places in images of one size. Not for use from several threads at once.
+
+    Args:
+        mask: True where to look, shaped like an image.
+        count: candidates an image at the most.
+        centre: "head": the middle of the first echo, without its tail: the needle. "mass": the middle of all that
+            is bright, as PLUS segments wires.
+        scales_px: standard deviations of the filters, increasing; default: by the image's size.
+        least_score: below it a place is noise.
+
+    Raises:
+        InputError: the mask leaves nothing to look at, or a number makes no sense.
+    """
+
+    def __init__(
+        self,
+        mask: NDArray[np.bool_],
+        count: int = 5,
+        *,
+        centre: Centre = "head",
+        scales_px: tuple[float, ...] | None = None,
+        least_score: float = LEAST_SCORE,
+    ) -> None:
+        scales = scales_px or default_scales(mask.shape)
+        if count < 1 or len(scales) < 2 or not all(0 < a < b for a, b in pairwise(scales)):
+            raise InputError(
+                f"detection needs a count and two or more increasing scales; got {count} and {scales}"
+            )
+        if not mask.any():
+            raise InputError("the mask hides the whole image; give another one")
+        if centre not in CUTS:
+            raise InputError(f"centre must be one of {', '.join(CUTS)}; got {centre!r}")
+        self._filter = _core.BlobFilter(
+            np.ascontiguousarray(mask, dtype=np.uint8), list(scales), max(1, round(scales[0]))
+        )
+        self._shape, self._count, self._least, self._centre = mask.shape, count, least_score, centre
+
+    def detect(self, image: NDArray[Any], name: str = "image") -> tuple[Array, Array, Array]:
+        """Candidates of one image, best first.
+
+        Returns:
+            points (K, 2) px, covariances (K, 2, 2) px^2, scores (K,).
+
+        Raises:
+            InputError: the image has another size than the mask.
+        """
+        grey = as_grey(image, 2, name)
+        if grey.shape != self._shape:
+            raise InputError(
+                f"{name}: is {grey.shape} where the mask is {self._shape}; give one of the same size"
+            )
+        level, split, flatness = CUTS[self._centre]
+        blobs = self._filter.detect(
+            grey,
+            count=self._count,
+            least_score=self._least,
+            least_contrast=LEAST_NOISE,
+            level=level,
+            split=split,
+            flatness=flatness,
+        )
+        return blobs[:, :2], _covariances(blobs), blobs[:, 2]
+
+
+def detect_points(
+    recording: Recording,
+    *,
+    count: int = 5,
+    mask: NDArray[np.bool_] | None = None,
+    centre: Centre = "head",
+    scales_px: tuple[float, ...] | None = None,
+    least_score: float = LEAST_SCORE,
+    progress: Progress | None = None,
+) -> Candidates:
+    """Candidates in every valid image of a recording, one image in memory at a time.
+
+    Args:
+        recording: 2D images.
+        count: candidates an image at the most.
+        mask: True where to look; default: found from the recording.
+        centre: "head" or "mass", see `PointDetector`.
+        scales_px: see `PointDetector`.
+        least_score: see `PointDetector`.
+        progress: called with how many images are done and how many there are.
+
+    Raises:
+        InputError: there are no 2D images.
+    """
+    if recording.image is None or recording.image.dimension != 2 or len(recording.frames) == 0:
+        raise InputError(f"{recording.name}: has no 2D images to look for a needle in; record images too")
+    detector = PointDetector(
+        find_mask(recording.frames) if mask is None else mask,
+        count,
+        centre=centre,
+        scales_px=scales_px,
+        least_score=least_score,
+    )
+    found: list[tuple[Array, Array, Array]] = []
+    index: list[int] = []
+    for i, image in enumerate(recording.frames):
+        if recording.image_valid[i]:
+            found.append(detector.detect(image, f"{recording.name}, frame {i}"))
+            index += [i] * len(found[-1][0])
+        if progress is not None:
+            progress(i + 1, len(recording))
+    return Candidates(
+        frame=np.array(index, dtype=np.int64),
+        points_px=np.concatenate([np.empty((0, 2)), *(f[0] for f in found)]),
+        covariance_px2=np.concatenate([np.empty((0, 2, 2)), *(f[1] for f in found)]),
+        score=np.concatenate([np.empty(0), *(f[2] for f in found)]),
+        frames=len(found),
+    )
+
+
+def default_scales(shape: tuple[int, ...]) -> tuple[float, ...]:
+    """Scales for an image of (rows, columns): from a small echo to one that fills a twentieth of the image."""
+    finest = max(1.0, min(shape) * FINEST_SHARE)
+    return tuple(finest * RATIO**i for i in range(SCALES))
+
+
+def _covariances(blobs: Array) -> Array:
+    moments = blobs[:, [5, 6, 6, 7]].reshape(-1, 2, 2)
+    return np.asarray(FLOOR_PX2 * np.eye(2) + SHAPE * moments)

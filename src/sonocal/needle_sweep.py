@@ -1,0 +1,231 @@
+"""From a recording of a needle to a calibration: detection, choice, a second look, calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sonocal.candidates import CandidateCalibration, calibrate_candidates, predicted_points
+from sonocal.detection import Candidates, PointDetector, detect_lines, detect_points, find_mask
+from sonocal.detection.points import LEAST_SCORE, Progress
+from sonocal.errors import InputError, NoConsensusError
+from sonocal.geometry import Array, AxisScaled
+from sonocal.observations import Observations
+from sonocal.recording import Line, Recording
+from sonocal.recording.poses import OnInvalid
+from sonocal.sightings import Detections, observations_from_recording
+
+__all__ = ["calibrate_recording", "candidate_observations", "line_observations"]
+
+Fixed = Mapping[tuple[str, str], ArrayLike] | None
+
+FAINT_SHARE = 0.5
+"""Of the detection's least score: near where the needle must be, a fainter place will do."""
+MANY = 25
+
+
+def candidate_observations(
+    recording: Recording,
+    lines: Sequence[Line],
+    candidates: Candidates,
+    *,
+    probe: str = "Probe",
+    fixed: Fixed = None,
+    latency_s: float = 0.0,
+    on_invalid: OnInvalid = "raise",
+) -> Observations:
+    """Every candidate against every line it may be, one row each.
+
+    Raises:
+        InputError: there is no candidate, or no pose.
+    """
+    if len(candidates) == 0:
+        raise _no_candidates(recording.name, candidates.frames)
+    tables = [
+        observations_from_recording(
+            recording,
+            lines,
+            Detections(
+                candidates.frame,
+                candidates.points_px,
+                np.full(len(candidates), line.name),
+                candidates.sigma_px,
+                recording.name,
+            ),
+            probe=probe,
+            fixed=fixed,
+            latency_s=latency_s,
+            on_invalid=on_invalid,
+        ).observations
+        for line in lines
+    ]
+    return tables[0] if len(tables) == 1 else _stacked(tables)
+
+
+def calibrate_recording(
+    recording: Recording,
+    lines: Sequence[Line],
+    *,
+    count: int = 5,
+    mask: NDArray[np.bool_] | None = None,
+    probe: str = "Probe",
+    fixed: Fixed = None,
+    latency_s: float = 0.0,
+    on_invalid: OnInvalid = "raise",
+    second_look: bool = True,
+    progress: Progress | None = None,
+    candidates: Candidates | None = None,
+    threshold_mm: float = 5.0,
+    **options: Any,
+) -> CandidateCalibration:
+    """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
+
+    Args:
+        recording: images and poses.
+        lines: the needles and wires, see `read_lines`.
+        count: candidates an image.
+        mask: where to look; default: found from the recording.
+        probe: the tool that the probe's marker is called.
+        fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
+        latency_s: how much later the tracker stamps an instant than the images do.
+        on_invalid: what to do with poses marked valid that are not rigid.
+        second_look: look again near where the calibrated needle must be.
+        progress: called with how many images are done and how many there are.
+        candidates: what `detect_points` found, where that was done before.
+        threshold_mm: candidates further than this from their needle are wrong.
+        options: of `sonocal.calibrate`.
+
+    Raises:
+        NoConsensusError: nothing in the images moves like the needle.
+        InputError: the recording lacks images or poses.
+    """
+    if recording.image is None or len(recording.frames) == 0:
+        raise InputError(f"{recording.name}: has no images to look for a needle in; record images too")
+    options.setdefault("image_size_px", recording.image.size_px)
+    if recording.image.dimension == 3:
+        table = line_observations(
+            recording,
+            lines,
+            probe=probe,
+            fixed=fixed,
+            latency_s=latency_s,
+            on_invalid=on_invalid,
+            progress=progress,
+        )
+        total = int(recording.image_valid.sum()) * len(lines)
+        return calibrate_candidates(table, sightings=total, threshold_mm=threshold_mm, **options)
+    mask = find_mask(recording.frames) if mask is None else mask
+    candidates = candidates or detect_points(recording, count=count, mask=mask, progress=progress)
+    table = candidate_observations(
+        recording, lines, candidates, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
+    )
+    again = _SecondLook(recording, mask, table) if second_look else None
+    total = candidates.frames * len(lines)
+    return calibrate_candidates(
+        table, sightings=total, look_again=again, threshold_mm=threshold_mm, **options
+    )
+
+
+def line_observations(
+    recording: Recording,
+    lines: Sequence[Line],
+    *,
+    count: int = 3,
+    probe: str = "Probe",
+    fixed: Fixed = None,
+    latency_s: float = 0.0,
+    on_invalid: OnInvalid = "raise",
+    progress: Progress | None = None,
+) -> Observations:
+    """Lines found in volumes, two rows each: the ends of the image line; `split` is the candidate's rank.
+
+    Raises:
+        NoConsensusError: no volume holds a line.
+        InputError: there is no pose.
+    """
+    frame: list[int] = []
+    rank: list[int] = []
+    found = []
+    for i, volume in enumerate(recording.frames):
+        if recording.image_valid[i]:
+            for k, line in enumerate(detect_lines(volume, count, name=f"{recording.name}, frame {i}")):
+                frame += [i, i]
+                rank += [k, k]
+                found.append(line)
+        if progress is not None:
+            progress(i + 1, len(recording))
+    if not found:
+        raise _no_candidates(recording.name, int(recording.image_valid.sum()))
+    points = np.concatenate([line.ends_px for line in found])
+    sigma = np.concatenate([line.sigma_px for line in found])
+    tables = []
+    for needle in lines:
+        sightings = observations_from_recording(
+            recording,
+            lines,
+            Detections(np.array(frame), points, np.full(len(frame), needle.name), sigma, recording.name),
+            probe=probe,
+            fixed=fixed,
+            latency_s=latency_s,
+            on_invalid=on_invalid,
+        )
+        tables.append(replace(sightings.observations, split=np.array(rank)[sightings.kept].astype(np.str_)))
+    return tables[0] if len(tables) == 1 else _stacked(tables)
+
+
+def _no_candidates(name: str, images: int) -> NoConsensusError:
+    return NoConsensusError(
+        f"{name}: no candidate was found in {images} images; nothing in them is bright and compact: check in the "
+        "contact sheet that the needle is visible",
+        best_count=0,
+    )
+
+
+class _SecondLook:
+    """Fainter candidates near where the needles must be, in images whose first ones were elsewhere."""
+
+    def __init__(self, recording: Recording, mask: NDArray[np.bool_], table: Observations) -> None:
+        self._recording, self._table = recording, table
+        self._detector = PointDetector(mask, MANY, least_score=FAINT_SHARE * LEAST_SCORE)
+
+    def __call__(self, probe_from_image: AxisScaled, threshold_mm: float) -> Observations:
+        table = self._table
+        _, first = np.unique(table.sightings, return_index=True)
+        expected = predicted_points(probe_from_image, table.segments_mm)
+        scale = float(probe_from_image.scales.mean())
+        off = np.linalg.norm(table.points_px - expected, axis=1) * scale
+        near = set(table.sightings[off <= threshold_mm].tolist())
+        parts = [table]
+        for row in first:
+            if int(table.sightings[row]) not in near and self._inside(expected[row]):
+                parts.append(self._look(int(row), expected[row], threshold_mm / scale))
+        return _stacked([part for part in parts if len(part)])
+
+    def _inside(self, place: Array) -> bool:
+        assert self._recording.image is not None
+        return bool(
+            np.isfinite(place).all() and (place >= 0).all() and (place < self._recording.image.size_px).all()
+        )
+
+    def _look(self, row: int, place: Array, reach_px: float) -> Observations:
+        frame = int(self._table.frame[row])
+        points, covariances, _ = self._detector.detect(self._recording.frames[frame])
+        near = np.flatnonzero(np.linalg.norm(points - place, axis=1) <= reach_px)
+        like = self._table.select(np.full(len(near), row))
+        sigma = np.sqrt(np.trace(covariances[near], axis1=1, axis2=2) / 2)
+        return replace(like, points_px=points[near], sigma_px=sigma)
+
+
+def _stacked(tables: Sequence[Observations]) -> Observations:
+    """Tables one after the other, their rows in the order of frames."""
+    points = np.concatenate([t.points_px for t in tables])
+    order = np.argsort(np.concatenate([t.frame for t in tables]), kind="stable")
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(t, name) for t in tables])[order]
+        for name in ("segments_mm", "frame", "target", "split", "sigma_px")
+    }
+    return Observations(points_px=points[order], source=tables[0].source, **columns)

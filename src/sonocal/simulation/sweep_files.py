@@ -1,0 +1,79 @@
+"""A simulated sweep on disk: the recording as PLUS writes one, the needle, and the truth beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from sonocal.errors import InputError
+from sonocal.files import write_atomically
+from sonocal.recording import write_lines, write_recording
+from sonocal.recording.frames import Frames, Image
+from sonocal.simulation.sweep import SimulatedSweep
+
+__all__ = ["write_sweep"]
+
+Progress = Callable[[int, int], None]
+
+
+def write_sweep(sweep: SimulatedSweep, folder: str | Path, progress: Progress | None = None) -> list[Path]:
+    """Write ``sweep.igs.mha``, ``needle.toml`` and ``truth.json``; images are made and written one at a time.
+
+    Args:
+        sweep: the sweep.
+        folder: made if it is absent.
+        progress: called with how many images are done and how many there are.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: the folder or a file cannot be written.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be made a folder ({error.strerror}); choose another place"
+        ) from None
+    paths = [folder / name for name in ("sweep.igs.mha", "needle.toml", "truth.json")]
+    recording = replace(sweep.recording, frames=_Counted(sweep.recording.frames, progress))
+    write_recording(recording, paths[0])
+    write_lines(sweep.lines, paths[1])
+    write_atomically(paths[2], (json.dumps(_truth(sweep), indent=1) + "\n").encode())
+    return paths
+
+
+class _Counted(Frames):
+    """Frames that report how far reading has come."""
+
+    def __init__(self, frames: Frames, progress: Progress | None) -> None:
+        self._frames, self._progress = frames, progress
+        self.shape, self.dtype = frames.shape, frames.dtype
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def read(self, index: int) -> Image:
+        """Frame `index`."""
+        if self._progress is not None:
+            self._progress(index + 1, len(self))
+        return self._frames.read(index)
+
+
+def _truth(sweep: SimulatedSweep) -> dict[str, Any]:
+    truth = sweep.truth
+    return {
+        "format": "sonocal-truth",
+        "version": 1,
+        "probe_from_image": truth.probe_from_image.matrix.tolist(),
+        "latency_s": truth.latency_s,
+        "points_px": truth.points_px.tolist(),
+        "visible": truth.visible.tolist(),
+        "clear": truth.clear.tolist(),
+        "options": asdict(sweep.options),
+    }

@@ -1,0 +1,86 @@
+"""Lines in volumes, and slices out of them."""
+
+import numpy as np
+import pytest
+
+from sonocal import InputError
+from sonocal.detection import detect_lines, line_through_slices, slice_volume
+
+SIDE = 64
+
+
+def tube(first, second, noise=3.0, seed=0):
+    """A bright segment in dark noise, indexed [w, v, u]."""
+    w, v, u = np.mgrid[:SIDE, :SIDE, :SIDE]
+    points = np.stack([u, v, w], axis=-1) - np.asarray(first, dtype=float)
+    along = np.subtract(second, first).astype(float)
+    t = np.clip(points @ along / (along @ along), 0, 1)
+    squares = ((points - t[..., None] * along) ** 2).sum(-1)
+    volume = 60 + 150 * np.exp(-0.5 * squares / 1.5**2)
+    volume += np.random.default_rng(seed).normal(scale=noise, size=volume.shape)
+    return volume.clip(0, 255).astype(np.uint8)
+
+
+SEGMENT = ((8.0, 20.0, 12.0), (55.0, 44.0, 50.0))
+
+
+def errors(line, segment):
+    first, second = np.asarray(segment)
+    along = (second - first) / np.linalg.norm(second - first)
+    angle = np.degrees(np.arccos(min(1.0, abs(line.direction @ along))))
+    offset = line.ends_px.mean(axis=0) - first
+    return angle, np.linalg.norm(offset - (offset @ along) * along)
+
+
+def test_a_line_is_found_within_half_a_degree_and_a_third_of_a_voxel():
+    best = detect_lines(tube(*SEGMENT))[0]
+    angle, distance = errors(best, SEGMENT)
+    assert angle < 0.5
+    assert distance < 0.3
+
+
+def test_the_same_seed_finds_the_same_line():
+    first, second = (detect_lines(tube(*SEGMENT), seed=3)[0].ends_px for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_an_end_is_uncertain_across_the_line_only():
+    line = detect_lines(tube(*SEGMENT))[0]
+    for covariance in line.covariance_px2:
+        assert abs(line.direction @ covariance @ line.direction) < 1e-12
+        assert np.trace(covariance) > 0
+
+
+def test_a_volume_of_one_grey_has_no_line():
+    assert detect_lines(np.full((32, 32, 32), 90, np.uint8)) == []
+    assert detect_lines(np.zeros((32, 32, 32), np.uint8)) == []
+
+
+def test_a_picture_is_no_volume():
+    with pytest.raises(InputError, match="3D images of 16 px or more a side"):
+        detect_lines(np.zeros((32, 32), np.uint8))
+
+
+def test_a_slice_shows_the_voxels_it_says_it_shows():
+    volume = np.random.default_rng(0).random((20, 30, 40)).astype(np.float32)
+    flat = slice_volume(volume, 0.0, offset_px=0.5)
+    u, v, w = flat.to_volume([[7.0, 11.0]])[0]
+    np.testing.assert_allclose([u, v, w], [7, 11, 10], atol=1e-9)
+    np.testing.assert_allclose(flat.image[11, 7], volume[10, 11, 7], rtol=1e-5)
+    across = slice_volume(volume, np.pi / 2, offset_px=-0.5)
+    u, v, w = across.to_volume([[20.0, 11.0]])[0]
+    np.testing.assert_allclose(across.image[11, 20], volume[round(w), 11, round(u)], rtol=1e-4)
+
+
+def test_a_tilted_slice_is_rigid():
+    cut = slice_volume(np.zeros((20, 30, 40)), 0.7, tilt=0.3, offset_px=2)
+    rotation = cut.volume_from_slice[:3, :3]
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+
+
+def test_sections_in_slices_give_the_same_line():
+    line = line_through_slices(tube(*SEGMENT), np.radians([110, 130, 150]), offsets_px=[-15, 0, 15])
+    angle, distance = errors(line, SEGMENT)
+    assert angle < 3
+    assert distance < 1

@@ -1,0 +1,154 @@
+"""The geometry chooses among candidates: at most one of each image, and the right one."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import sonocal as sc
+from sonocal.candidates import calibrate_candidates, predicted_points
+from sonocal.cli import main
+from sonocal.contact_sheet import contact_sheet, png
+from sonocal.detection import Candidates, detect_points
+from sonocal.geometry import similarity_errors
+from sonocal.needle_sweep import calibrate_recording
+from sonocal.recording import ArrayFrames, ImageGeometry, Poses, Recording, read_recording
+from sonocal.simulation.scene import simulate_observations
+from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+from sonocal.simulation.ultrasound import BATH
+from sonocal.simulation.ultrasound_probe import curvilinear
+
+
+def with_decoys(truth_rows, decoys, hidden, seed=0):
+    """Each right row among wrong ones at random ranks; some images without a right one."""
+    rng = np.random.default_rng(seed)
+    n = len(truth_rows)
+    points = rng.uniform(0, 500, (n, decoys + 1, 2))
+    rank = rng.integers(0, decoys + 1, n)
+    right = np.zeros((n, decoys + 1), dtype=bool)
+    shown = np.flatnonzero(rng.random(n) >= hidden)
+    points[shown, rank[shown]] = truth_rows.points_px[shown]
+    right[shown, rank[shown]] = True
+    table = sc.Observations(
+        points_px=points.reshape(-1, 2),
+        segments_mm=np.repeat(truth_rows.segments_mm, decoys + 1, axis=0),
+        frame=np.repeat(np.arange(n), decoys + 1),
+    )
+    return table, right.reshape(-1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_right_one_of_five_candidates_is_chosen(seed):
+    scene = simulate_observations(2, 200, seed=seed)
+    table, right = with_decoys(scene.observations, 4, hidden=0.2, seed=seed)
+    found = calibrate_candidates(table, seed=seed)
+    assert (found.chosen & right).sum() >= 0.97 * right.sum()
+    assert (found.chosen & ~right).sum() <= 0.03 * len(found.chosen)
+    angle, distance, _ = similarity_errors(found.calibration.probe_from_image, scene.probe_from_image)
+    assert np.degrees(angle) < 1.5
+    assert distance < 2.5
+
+
+def test_no_image_gives_more_than_one_row():
+    scene = simulate_observations(2, 100, seed=1)
+    found = calibrate_candidates(with_decoys(scene.observations, 4, 0.1)[0])
+    frames = found.observations.frame
+    assert len(np.unique(frames)) == len(frames) == found.used
+    assert found.used + sum(found.reasons.values()) == found.sightings == 100
+
+
+def test_candidates_that_follow_no_needle_are_refused_with_the_count():
+    rng = np.random.default_rng(0)
+    scene = simulate_observations(2, 120, seed=2)
+    table, _ = with_decoys(scene.observations, 4, hidden=1.0)
+    with pytest.raises(sc.NoConsensusError, match=r"600 candidates in 120 images were tried"):
+        calibrate_candidates(table, seed=int(rng.integers(100)))
+
+
+def test_the_needle_is_predicted_where_it_was_seen():
+    scene = simulate_observations(2, 20, sigma_px=0, sigma_mm=0)
+    predicted = predicted_points(scene.probe_from_image, scene.observations.segments_mm)
+    np.testing.assert_allclose(predicted, scene.observations.points_px, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def sweep():
+    return simulate_sweep(
+        curvilinear(250, 250, 0.48),
+        BATH,
+        SweepOptions(frames=120, rate_hz=8, sigma_px=0.5, sigma_mm=0.3, seed=1),
+    )
+
+
+@pytest.fixture(scope="module")
+def written(sweep, tmp_path_factory):
+    from sonocal.simulation.sweep_files import write_sweep
+
+    return write_sweep(sweep, tmp_path_factory.mktemp("sweep"))
+
+
+def test_a_sweep_calibrates_with_nobody_clicking(sweep, written):
+    recording = read_recording(written[0])
+    found = calibrate_recording(recording, sweep.lines)
+    places = np.array([[0, 0], [249, 0], [0, 249], [249, 249], [125, 125]])
+    missed = found.calibration.probe_from_image @ places - sweep.truth.probe_from_image @ places
+    assert np.sqrt((missed**2).sum(1).mean()) < 0.6
+    assert found.used >= 0.9 * sweep.truth.clear.sum()
+    assert found.calibration.diagnostics[-1].code == "images-used"
+    np.testing.assert_array_equal(recording.frames[7], sweep.recording.frames[7])
+
+
+def test_the_command_writes_calibration_rows_and_contact_sheet(written, tmp_path):
+    done = CliRunner().invoke(
+        main, ["sweep", str(written[0]), "--lines", str(written[1]), "-o", str(tmp_path / "out")]
+    )
+    assert done.exit_code == 0, done.output
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "calibration.json",
+        "contact-sheet.png",
+        "observations.csv",
+    ]
+    assert sc.load(tmp_path / "out" / "calibration.json").fit.inliers > 60
+    detected = CliRunner().invoke(
+        main, ["detect", str(written[0]), "--lines", str(written[1]), "-o", str(tmp_path / "c.csv")]
+    )
+    assert detected.exit_code == 0, detected.output
+    assert len(sc.read_observations(tmp_path / "c.csv")) > 120
+
+
+def test_a_recording_without_a_visible_needle_is_refused_and_its_contact_sheet_stays(tmp_path):
+    from sonocal.simulation.sweep_files import write_sweep
+
+    empty = simulate_sweep(
+        curvilinear(200, 200, 0.6), options=SweepOptions(frames=40, rate_hz=4, hidden_share=1.0)
+    )
+    paths = write_sweep(empty, tmp_path)
+    done = CliRunner().invoke(
+        main, ["sweep", str(paths[0]), "--lines", str(paths[1]), "-o", str(tmp_path / "out")]
+    )
+    assert done.exit_code == 1
+    assert "candidates in 40 images were tried" in done.output
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["contact-sheet.png"]
+
+
+def test_black_images_are_refused_in_one_sentence(sweep):
+    poses = {name: Poses.of(p.source, p.target, p.matrices[:20]) for name, p in sweep.recording.poses.items()}
+    black = Recording(
+        times=np.arange(20) / 8,
+        frames=ArrayFrames(np.zeros((20, 64, 64), np.uint8)),
+        poses=poses,
+        image=ImageGeometry((64, 64), 1, "uint8", "MF", np.eye(4)),
+    )
+    with pytest.raises(sc.NoConsensusError, match="no candidate was found in 20 images"):
+        calibrate_recording(black, sweep.lines)
+
+
+def test_the_contact_sheet_is_a_png_that_shows_every_candidate(sweep):
+    part = sweep.recording.select(np.arange(3))
+    found = detect_points(part, count=2)
+    assert isinstance(found, Candidates)
+    sheet = contact_sheet(part, found)
+    coloured = (sheet[..., 0] != sheet[..., 2]).any(axis=0)
+    assert coloured.any()
+    data = png(sheet)
+    assert data.startswith(b"\x89PNG\r\n\x1a\n")
+    assert int.from_bytes(data[16:20], "big") == sheet.shape[1]
