@@ -24,6 +24,9 @@ ALLOWED: dict[str, set[str]] = {
     "calibration": EVERYONE | CALIBRATION | {"observations", "registration", "recording", "detection"},
     "calibration_file": EVERYONE | CALIBRATION | {"registration"},
     "export": EVERYONE | CALIBRATION,
+    "validation": EVERYONE | CALIBRATION | {"observations", "registration"},
+    "setup_checks": EVERYONE | CALIBRATION | {"observations", "registration"},
+    "report": EVERYONE | CALIBRATION | {"observations", "registration", "validation"},
     "simulation": EVERYONE | {"recording", "observations"},
     "terminal": EVERYONE | CALIBRATION | {"observations", "recording", "registration", "simulation"},
 }

@@ -1,0 +1,132 @@
+"""How far apart repeated calibrations are: the field's calibration reproducibility."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.calibration import Calibration, area_places
+from sonocal.errors import UnsupportedError
+from sonocal.geometry import Array
+from sonocal.observations import Observations
+from sonocal.validation.held_out import independent_units, refitted
+from sonocal.validation.quantity import Quantity, log_interval
+
+__all__ = ["Repeatability", "repeatability"]
+
+FEWEST_UNITS = 8
+SPLITS = 50
+# Frames beyond this are put together, to keep the number of fits in bounds.
+MOST_UNITS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Repeatability:
+    """Spread of mapped points over repeats of the scan.
+
+    Attributes:
+        corners: rms over the corners of the image area.
+        centre: at its centre.
+        places_px: (M, d): the corners, then the centre.
+        places_mm: (M,): the spread at each.
+    """
+
+    corners: Quantity
+    centre: Quantity
+    places_px: Array
+    places_mm: Array
+
+
+def repeatability(
+    calibration: Calibration, fitted: Observations, *, splits: int = SPLITS, seed: int = 0
+) -> Repeatability:
+    """Spread of mapped points over repeats of the same scan, from resampled subsets.
+
+    The frames are halved at random, again and again; calibrations A and B of two halves share no frame. A scan
+    of all frames has half the variance of a scan of half of them:
+
+        spread^2 = mean over the splits of |A x - B x|^2 / 4
+
+    The true value that the interval is about: the standard deviation of A x, over all three axes, over
+    repeats of the scan with as many new frames of the same kind. What all frames share, such as a wire
+    that is not where the file says, repeats too and does not show here.
+
+    Args:
+        calibration: gives the model, the start and the image area.
+        fitted: the rows that were fitted, without the outliers.
+        splits: how many halvings.
+        seed: of the halvings.
+
+    Raises:
+        UnsupportedError: there are fewer than eight independent frames.
+        DegenerateGeometryError: half of the frames leave a motion free.
+
+    Source: Prager et al. 1998; Hsu et al. 2008 (calibration reproducibility); variance of disjoint halves as in
+    balanced repeated replication (McCarthy 1969).
+    """
+    units = independent_units(calibration.probe_from_image, fitted)
+    count = int(units.max()) + 1
+    if count < FEWEST_UNITS:
+        raise UnsupportedError(
+            f"{fitted.source}: has {count} independent frames and repeatability needs {FEWEST_UNITS} or more; "
+            "scan more frames"
+        )
+    places = area_places(calibration.area_px)
+    apart = _apart(calibration, fitted, units, places, splits=splits, seed=seed)  # (splits, M), mm^2
+    moved = _moved(calibration, fitted, units, places)  # (folds, M), mm^2
+    corners = _quantity("repeatability-corners", "corners", apart[:, :-1], moved[:, :-1], count)
+    centre = _quantity("repeatability-centre", "centre", apart[:, -1:], moved[:, -1:], count)
+    return Repeatability(corners, centre, places, np.sqrt(apart.mean(axis=0)))
+
+
+def _apart(
+    calibration: Calibration,
+    rows: Observations,
+    units: NDArray[np.int64],
+    places: Array,
+    *,
+    splits: int,
+    seed: int,
+) -> Array:
+    """Squared distance, over 4, between the calibrations of disjoint halves."""
+    rng, count = np.random.default_rng(seed), int(units.max()) + 1
+    squares = []
+    for _ in range(splits):
+        half = (rng.permutation(count) < count // 2)[units]
+        difference = refitted(calibration, rows, half) @ places - refitted(calibration, rows, ~half) @ places
+        squares.append(np.sum(difference**2, axis=1) / 4.0)
+    return np.array(squares)
+
+
+def _moved(calibration: Calibration, rows: Observations, units: NDArray[np.int64], places: Array) -> Array:
+    """Squared displacement when one unit is left out: how unevenly the units make up the spread."""
+    count = int(units.max()) + 1
+    folds = units * min(MOST_UNITS, count) // count
+    whole = refitted(calibration, rows, np.ones(len(rows), dtype=bool)) @ places
+    return np.array(
+        [
+            np.sum((refitted(calibration, rows, folds != fold) @ places - whole) ** 2, axis=1)
+            for fold in range(int(folds.max()) + 1)
+        ]
+    )
+
+
+def _quantity(code: str, where: str, apart: Array, moved: Array, units: int) -> Quantity:
+    value, contributions = float(apart.mean()), moved.mean(axis=1)
+    # The spread's own uncertainty is that of a mean over the units' contributions.
+    total = contributions.mean()
+    relative = (contributions - total) / total if total > 0 else np.zeros(len(contributions))
+    low, high = log_interval(value, value * relative, np.arange(len(contributions)))
+    return Quantity(
+        code=code,
+        title=f"Repeatability, {where}",
+        definition=f"standard deviation of a mapped point at the image's {where} over repeats of the scan",
+        value_mm=float(np.sqrt(value)),
+        low_mm=float(np.sqrt(low)),
+        high_mm=float(np.sqrt(high)),
+        spread_mm=float(np.sqrt(apart).std()),
+        count=len(apart),
+        units=units,
+    )
