@@ -42,6 +42,16 @@ class Comparison:
         return self.distance_mm > self.allowed_mm
 
     @property
+    def rows(self) -> list[tuple[str, float, float]]:
+        """A place in words, the distance and the allowed distance there, for tables."""
+        return [
+            (", ".join(f"{x:.0f}" for x in place), float(distance), float(allowed))
+            for place, distance, allowed in zip(
+                self.places_px, self.distance_mm, self.allowed_mm, strict=True
+            )
+        ]
+
+    @property
     def differ(self) -> bool:
         """Whether they differ by more than their uncertainty, at the 5 % level."""
         return self.p_value < 0.05
