@@ -131,7 +131,7 @@ def _svg(
     from matplotlib.figure import Figure
 
     # The automatic layout is slow and of no use where nothing but one round or spatial axis stands.
-    figure = Figure(figsize=size, layout="constrained" if projection is None else "none")
+    figure = Figure(figsize=size, layout="constrained" if projection is None else None)
     FigureCanvasSVG(figure)
     if projection is None:
         draw(figure.add_subplot())

@@ -35,5 +35,4 @@ RC: Any = {
     "legend.fontsize": 8.0,
     "grid.color": FAINT,
     "grid.linewidth": 0.5,
-    "figure.constrained_layout.use": True,
 }
