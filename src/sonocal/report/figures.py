@@ -95,12 +95,26 @@ def plot_residuals_by_frame(
     observations: Observations,
     held_out: Observations | None = None,
 ) -> None:
-    """Distance of mapped points to their lines, frame after frame: drift, slips and bad frames show here."""
+    """Distance of mapped points to their lines, frame after frame: drift, slips and bad frames show here.
+
+    Args:
+        axis: to draw on.
+        calibration: the calibration.
+        observations: rows that were fitted, outliers included, or any others.
+        held_out: further rows, drawn after them.
+    """
     distances = line_distances(calibration.probe_from_image, observations)
     threshold = float(calibration.provenance.get("options", {}).get("threshold_mm", np.inf))
     agree = distances <= threshold
     top = 1.3 * max(float(distances[agree].max(initial=0.0)), 1e-3)
-    axis.plot(observations.frame[agree], distances[agree], ".", color=FITTED, markersize=4, label="fitted")
+    axis.plot(
+        observations.frame[agree],
+        distances[agree],
+        ".",
+        color=FITTED,
+        markersize=4,
+        label="rows" if held_out is None else "fitted",
+    )
     if not agree.all():
         # Outliers may be metres off: they stand at the top edge.
         axis.plot(
@@ -109,7 +123,7 @@ def plot_residuals_by_frame(
             "x",
             color=OUTLIER,
             markersize=5,
-            label=f"left out, beyond {threshold:g} mm",
+            label=f"beyond {threshold:g} mm",
         )
     if held_out is not None:
         unseen = line_distances(calibration.probe_from_image, held_out)
@@ -157,7 +171,9 @@ def _image_axes(axis: Axes, calibration: Calibration) -> None:
 
 def _agreeing(calibration: Calibration, observations: Observations) -> Observations:
     threshold = float(calibration.provenance.get("options", {}).get("threshold_mm", np.inf))
-    return observations.select(line_distances(calibration.probe_from_image, observations) <= threshold)
+    agree = line_distances(calibration.probe_from_image, observations) <= threshold
+    # Rows of another scan may all be far off; then that is what there is to see.
+    return observations.select(agree) if agree.any() else observations
 
 
 def _in_image(calibration: Calibration, rows: Observations) -> Array:

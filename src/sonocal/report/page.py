@@ -21,7 +21,7 @@ from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import RC
 from sonocal.report.verdict import give_verdict
 from sonocal.validation import Comparison, Validation
-from sonocal.validation.whole import fitted_and_held_out
+from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["report_html"]
 
@@ -81,46 +81,32 @@ def report_html(
 
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:
     """The figures as inline SVG, by name; those that the calibration or the missing rows do not allow are absent."""
-    fitted = held = None
+    shown = unseen = None
     if observations is not None and len(observations):
-        everything, held = _rows(calibration, observations)
-        fitted = everything if everything is not None and len(everything) else held
+        given = fitted_rows(calibration, observations)
+        held = fitted_and_held_out(calibration, observations)[1]
+        shown, unseen = (observations, None) if given is None else (given, held)
     drawn = {"frames": _svg("frames", (4.6, 4.2), lambda a: views3d.plot_frames(a, calibration), "3d")}
     if calibration.covariance is not None:
         drawn["predicted"] = _svg(
-            "predicted", (4.9, 4.0), lambda a: figures.plot_predicted_error(a, calibration, fitted)
+            "predicted", (4.9, 4.0), lambda a: figures.plot_predicted_error(a, calibration, shown)
         )
         drawn["weak"] = _svg("weak", (4.6, 4.2), lambda a: views3d.plot_weak_motion(a, calibration), "3d")
-    if fitted is not None:
-        shown, unseen = fitted, held if held is not fitted else None
+    if shown is not None:
+        rows = shown
         drawn["residuals"] = _svg(
-            "residuals", (4.9, 4.0), lambda a: figures.plot_residuals_over_image(a, calibration, shown)
+            "residuals", (4.9, 4.0), lambda a: figures.plot_residuals_over_image(a, calibration, rows)
         )
         drawn["by_frame"] = _svg(
-            "by_frame", (9.6, 2.6), lambda a: figures.plot_residuals_by_frame(a, calibration, shown, unseen)
+            "by_frame", (9.6, 2.6), lambda a: figures.plot_residuals_by_frame(a, calibration, rows, unseen)
         )
         drawn["needles"] = _svg(
-            "needles", (4.6, 4.2), lambda a: views3d.plot_needles(a, calibration, shown), "3d"
+            "needles", (4.6, 4.2), lambda a: views3d.plot_needles(a, calibration, rows), "3d"
         )
         drawn["tilts"] = _svg(
-            "tilts", (4.0, 4.0), lambda a: figures.plot_tilts(a, calibration, shown), "polar"
+            "tilts", (4.0, 4.0), lambda a: figures.plot_tilts(a, calibration, rows), "polar"
         )
     return drawn
-
-
-def _rows(
-    calibration: Calibration, observations: Observations
-) -> tuple[Observations | None, Observations | None]:
-    """Fitted rows with their outliers, and held-out rows."""
-    agreeing, held = fitted_and_held_out(calibration, observations)
-    if agreeing is None:
-        return None, held
-    options = calibration.provenance.get("options", {})
-    if options.get("fit_split") is not None:
-        return observations.select_split(options["fit_split"]), held
-    if options.get("test_split") is not None:
-        return observations.select(observations.split != options["test_split"]), held
-    return observations, held
 
 
 def _svg(

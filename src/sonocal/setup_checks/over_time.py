@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from sonocal.calibration import Calibration
 from sonocal.diagnostics import NORMAL_95, Diagnostic
 from sonocal.geometry import Array, homogeneous_points, segment_directions
 from sonocal.observations import Observations, group_codes
-from sonocal.registration.noise import residual_vectors
+from sonocal.registration.noise import residual_vectors, stretch_length
 from sonocal.registration.uncertainty import point_jacobian
 
 __all__ = ["check_latency", "check_slip"]
@@ -25,8 +25,9 @@ SPLITS, ORDERS = 24, 399
 LEAST_SLIP_MM = 1.0
 # A slip taken away leaves most rows nearer to their lines, which a few outliers cannot feign.
 LEAST_SHRINKING = 0.1
+DRIFTING_FRAMES = 3
 BLOCKS = 12
-LATENCY_SIGNIFICANT = 5.0
+LATENCY_SIGNIFICANT = 4.0
 LEAST_LAG_MM = 0.3
 
 
@@ -69,13 +70,15 @@ def check_slip(
 
     After it, all lines are off by one rigid motion. For each of some moments the squares that such a motion
     explains, after the fit has taken its part, are compared with those of the same frames in random order: this
-    allows for outliers, for errors that rows of a frame share, and for the choice of the best moment.
+    allows for outliers, for errors that rows of a frame share, and for the choice of the best moment. What
+    follows the needle's speed is taken off first: it is a latency's, and has its own order in time.
 
     Source: permutation test of a change point (Antoch and Huskova 2001).
     """
     taking_part = _rows(calibration, observations)
     if taking_part is None:
         return
+    taking_part = _without_latency(taking_part)
     information, pull = _by_frame(taking_part)
     frames = len(pull)
     splits = np.unique(np.linspace(0.15 * frames, 0.85 * frames, SPLITS).astype(int))
@@ -85,8 +88,8 @@ def check_slip(
     best = int(np.argmax(explained[0]))
     if np.any(explained[1:].max(axis=1) >= explained[0, best]):
         return
-    moved, share = _step(calibration, taking_part, int(splits[best]))
-    if moved < LEAST_SLIP_MM or share < LEAST_SHRINKING:
+    moved, share, drifts = _step(calibration, taking_part, int(splits[best]))
+    if drifts or moved < LEAST_SLIP_MM or share < LEAST_SHRINKING:
         return
     number = taking_part.rows.frame[taking_part.frame == splits[best]][0]
     yield Diagnostic(
@@ -125,25 +128,35 @@ def _explained(
     return np.asarray(np.sum(g * np.linalg.solve(left + ridge, g[..., None])[..., 0], axis=-1))
 
 
-def _step(calibration: Calibration, taking_part: _Rows, split: int) -> tuple[float, float]:
-    """How far, rms, the best rigid step at a split moves the places seen; by what share the median residual falls."""
+def _step(calibration: Calibration, taking_part: _Rows, split: int) -> tuple[float, float, bool]:
+    """The best rigid step at a split.
+
+    Returns:
+        How far, rms, it moves the places seen; by what share the median residual falls; whether neighbouring
+        frames still repeat one another without it, as they do in a drift and not after a slip.
+    """
     j, r = taking_part.jacobian, taking_part.residuals
     k = j.shape[2]
     late = (taking_part.frame >= split)[:, None, None]
     columns = np.concatenate([j, np.where(late, j[:, :, :6], 0.0)], axis=2).reshape(-1, k + 6)
     scale = 1.0 / np.linalg.norm(columns, axis=0)
 
-    def solved(count: int) -> tuple[Array, float]:
+    def solved(count: int) -> tuple[Array, Array]:
         part = columns[:, :count] * scale[:count]
         solution = np.linalg.lstsq(part, r.reshape(-1), rcond=1e-6)[0]
-        left = (r.reshape(-1) - part @ solution).reshape(-1, 3)
-        return solution * scale[:count], float(np.median(np.linalg.norm(left, axis=1)))
+        return solution * scale[:count], (r.reshape(-1) - part @ solution).reshape(-1, 3)
 
-    without, (with_step, after) = solved(k)[1], solved(k + 6)
+    before, (solution, after) = solved(k)[1], solved(k + 6)
     moved = (
-        point_jacobian(calibration.probe_from_image, taking_part.rows.points_px, k)[..., :6] @ with_step[k:]
+        point_jacobian(calibration.probe_from_image, taking_part.rows.points_px, k)[..., :6] @ solution[k:]
     )
-    return float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))), 1.0 - after / without if without > 0 else 0.0
+    lengths = [stretch_length(left, taking_part.frame) for left in (before, after)]
+    medians = [float(np.median(np.linalg.norm(left, axis=1))) for left in (before, after)]
+    return (
+        float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))),
+        1.0 - medians[1] / max(medians[0], np.finfo(float).tiny),
+        lengths[1] > max(DRIFTING_FRAMES, lengths[0] / 2),
+    )
 
 
 def check_latency(calibration: Calibration, observations: Observations) -> Iterator[Diagnostic]:
@@ -178,6 +191,15 @@ def check_latency(calibration: Calibration, observations: Observations) -> Itera
         ),
         advice=f"shift the {late}'s stamps by that much, or scan slowly and hold still for each frame",
     )
+
+
+def _without_latency(taking_part: _Rows) -> _Rows:
+    """The rows with what a latency explains of their residuals taken off."""
+    velocity, usable = _velocities(taking_part, _time(taking_part.rows)[0])
+    if usable.sum() < FEWEST_FRAMES:
+        return taking_part
+    latency = _latency(taking_part, velocity, usable)[0]
+    return replace(taking_part, residuals=taking_part.residuals - latency * velocity)
 
 
 def _time(rows: Observations) -> tuple[Array, str]:

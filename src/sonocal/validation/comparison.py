@@ -25,7 +25,7 @@ class Comparison:
         distance_mm: (M,), its length.
         allowed_mm: (M,): what 95 % of such distances stay below if both are right within their uncertainty.
         p_value: how often right calibrations would differ by as much, taken over all places at once.
-        shared_input: both were made from the same file, so that their errors go together and the p-value is
+        shared_input: both were fitted to the same rows, so that their errors go together and the p-value is
             too large.
     """
 
@@ -62,9 +62,9 @@ class Comparison:
         worst = int(np.argmax(self.distance_mm))
         at = ", ".join(f"{x:.0f}" for x in self.places_px[worst])
         verdict = (
-            "more than their uncertainty explains"
+            "over the whole image more than their uncertainty explains"
             if self.differ
-            else "no more than their uncertainty explains"
+            else "over the whole image no more than their uncertainty explains"
         )
         distance = f"{self.distance_mm[worst]:.2f} mm, at ({at}) px"
         return f"They differ by up to {distance}: {verdict} (p = {self.p_value:.2g})."
@@ -95,15 +95,20 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
         if c.covariance is not None
     )
     statistic, freedom = _wald(first, second, places, difference)
-    digests = [c.provenance.get("sha256") for c in (first, second)]
     return Comparison(
         places_px=places,
         difference_mm=difference,
         distance_mm=np.linalg.norm(difference, axis=1),
         allowed_mm=radius_95(np.asarray(covariances)),
         p_value=float(gammaincc(freedom / 2.0, statistic / 2.0)),
-        shared_input=bool(digests[0]) and digests[0] == digests[1],
+        shared_input=_fitted_to(first) == _fitted_to(second),
     )
+
+
+def _fitted_to(calibration: Calibration) -> tuple[object, ...]:
+    options = calibration.provenance.get("options", {})
+    names = ("fit_split", "test_split")
+    return (calibration.provenance.get("sha256"), *(options.get(name) for name in names), calibration.fit)
 
 
 def _wald(first: Calibration, second: Calibration, places: Array, difference: Array) -> tuple[float, int]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
 from sonocal.diagnostics import Diagnostic
@@ -18,7 +19,7 @@ from sonocal.validation.point_table import PointSightings
 from sonocal.validation.quantity import Quantity
 from sonocal.validation.repeatability import Repeatability, repeatability
 
-__all__ = ["Validation", "fitted_and_held_out", "validate", "validate_points"]
+__all__ = ["Validation", "fitted_and_held_out", "fitted_rows", "validate", "validate_points"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,20 +128,12 @@ def fitted_and_held_out(
 
     A table is the calibration's own input when it has the digest that the calibration recorded.
     """
-    options = calibration.provenance.get("options", {})
-    fit_split, test_split = options.get("fit_split"), split or options.get("test_split")
-    digest = calibration.provenance.get("sha256")
-    same = digest == observations.sha256 and calibration.provenance.get("input") == observations.source
-    if not same:
+    test_split = split or calibration.provenance.get("options", {}).get("test_split")
+    mask = _fitted_mask(calibration, observations)
+    if mask is None:
         return None, observations if split is None else observations.select_split(split)
-    own = options.get("test_split")
-    mask = (
-        observations.split == fit_split if fit_split is not None else np.ones(len(observations), dtype=bool)
-    )
-    if fit_split is None and own is not None:
-        mask = observations.split != own
     fitted = observations.select(mask)
-    threshold = options.get("threshold_mm", np.inf)
+    threshold = calibration.provenance.get("options", {}).get("threshold_mm", np.inf)
     fitted = fitted.select(line_distances(calibration.probe_from_image, fitted) <= threshold)
     if test_split is None:
         return fitted, None
@@ -150,6 +143,26 @@ def fitted_and_held_out(
             f"{observations.source}: all rows of split {test_split!r} were fitted; name one that was not"
         )
     return fitted, unseen
+
+
+def fitted_rows(calibration: Calibration, observations: Observations) -> Observations | None:
+    """The rows that were given to the fit, outliers included; None if the table is not the calibration's input."""
+    mask = _fitted_mask(calibration, observations)
+    return None if mask is None else observations.select(mask)
+
+
+def _fitted_mask(calibration: Calibration, observations: Observations) -> NDArray[np.bool_] | None:
+    recorded, options = calibration.provenance, calibration.provenance.get("options", {})
+    if (recorded.get("sha256"), recorded.get("input")) != (observations.sha256, observations.source):
+        return None
+    fit_split, test_split = options.get("fit_split"), options.get("test_split")
+    mask = np.ones(len(observations), dtype=bool)
+    if fit_split is not None:
+        mask = np.asarray(observations.split == fit_split)
+    elif test_split is not None:
+        mask = np.asarray(observations.split != test_split)
+    # Tables made in Python have no digest: the number of rows tells them apart a little.
+    return mask if mask.sum() == calibration.fit.observations else None
 
 
 class _Attempts:
