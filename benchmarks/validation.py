@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -28,6 +29,7 @@ from sonocal.validation import (
     nwire_error,
     reconstruction_accuracy,
     repeatability,
+    validate,
 )
 from sonocal.validation.held_out import line_distances, refitted
 
@@ -210,6 +212,25 @@ def plus_error(data: Path, name: str) -> None:
     print(f"{name + ', sonocal, validation':76s} {value(fitted, 'validation'):.4f}", flush=True)
 
 
+def report(data: Path) -> None:
+    """Time and size of the report of the largest sets."""
+    from sonocal.report import report_html
+
+    for name in ("depth15_polaris", "trus_3nwires"):
+        rows = sc.read_observations(data / "observations" / f"{name}.csv")
+        found = sc.calibrate(rows, fit_split="calibration", test_split="validation")
+        started = time.perf_counter(), time.process_time()
+        numbers = validate(found, rows)
+        validated = time.perf_counter(), time.process_time()
+        page = report_html(found, rows, numbers)
+        done = time.perf_counter(), time.process_time()
+        for what, start, end in (("validate", started, validated), ("report", validated, done)):
+            print(
+                f"{f'{what}, {name}':60s} {end[0] - start[0]:.2f} s ({end[1] - start[1]:.2f} s of processor)"
+            )
+        print(f"{f'size of the report, {name}':60s} {len(page) / 1e6:.2f} MB", flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -220,6 +241,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.data.exists():
         for name in ("depth15_polaris", "fcal12_ascension", "trus_3nwires"):
             plus_error(options.data, name)
+        report(options.data)
     coverage(options.scenes, options.workers)
 
 

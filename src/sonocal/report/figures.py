@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,8 @@ __all__ = [
 # More marks than this make a slow page and no clearer picture.
 MOST_MARKS = 400
 GRID = 41
+# Below the image, so that wide images keep their width.
+BAR: Any = {"location": "bottom", "shrink": 0.7, "aspect": 30}
 
 
 def plot_predicted_error(
@@ -49,7 +51,7 @@ def plot_predicted_error(
         places = np.column_stack([places, np.full(len(places), (low[2] + high[2]) / 2)])
     below = radius_95(calibration.predict(places)[1]).reshape(GRID, GRID)
     filled = axis.contourf(u, v, below, levels=10, cmap=ERROR_MAP)
-    axis.figure.colorbar(filled, ax=axis, label="95 % of errors are below, mm", shrink=0.85)
+    axis.figure.colorbar(filled, ax=axis, label="95 % of errors are below, mm", **BAR)
     if observations is not None:
         seen = observations.points_px[_thinned(len(observations))]
         axis.plot(seen[:, 0], seen[:, 1], ".", color=INK, markersize=2, alpha=0.6)
@@ -84,7 +86,7 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
         width=0.004,
     )
     axis.quiverkey(drawn, 0.87, 1.03, typical, f"{typical:.2f} mm", labelpos="E", fontproperties={"size": 8})
-    axis.figure.colorbar(drawn, ax=axis, label="across the image plane, mm", shrink=0.85)
+    axis.figure.colorbar(drawn, ax=axis, label="across the image plane, mm", **BAR)
     _image_axes(axis, calibration)
     axis.set_title("Residuals over the image")
 
