@@ -25,7 +25,7 @@ __all__ = [
 ]
 
 # More marks than this make a slow page and no clearer picture.
-MOST_MARKS = 400
+MOST_MARKS, MOST_ARROWS = 400, 200
 GRID = 41
 # Below the image, so that wide images keep their width.
 BAR: Any = {"location": "bottom", "shrink": 0.7, "aspect": 30}
@@ -68,7 +68,7 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
     from matplotlib.colors import LinearSegmentedColormap
 
     chosen = _agreeing(calibration, observations)
-    chosen = chosen.select(_thinned(len(chosen)))
+    chosen = chosen.select(_thinned(len(chosen), MOST_ARROWS))
     residuals = _in_image(calibration, chosen)
     size = float(np.ptp(calibration.area_px[:, :2], axis=0).max())
     typical = float(np.sqrt(np.mean(residuals**2))) or 1.0
@@ -185,5 +185,5 @@ def _in_image(calibration: Calibration, rows: Observations) -> Array:
     return np.asarray(vectors @ transform.rotation)
 
 
-def _thinned(count: int) -> Array:
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_MARKS)).astype(int))
+def _thinned(count: int, most: int = MOST_MARKS) -> Array:
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
