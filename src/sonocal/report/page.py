@@ -82,6 +82,8 @@ def report_html(
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:
     """The figures as inline SVG, by name; those that the calibration or the missing rows do not allow are absent."""
     shown = unseen = None
+    width, height = np.ptp(calibration.area_px[:, :2], axis=0)
+    map_size = (4.9, 1.4 + 3.2 * float(np.clip(height / max(width, 1e-9), 0.3, 1.5)))
     if observations is not None and len(observations):
         given = fitted_rows(calibration, observations)
         held = fitted_and_held_out(calibration, observations)[1]
@@ -89,13 +91,13 @@ def _drawn(calibration: Calibration, observations: Observations | None) -> dict[
     drawn = {"frames": _svg("frames", (4.6, 4.2), lambda a: views3d.plot_frames(a, calibration), "3d")}
     if calibration.covariance is not None:
         drawn["predicted"] = _svg(
-            "predicted", (4.9, 4.0), lambda a: figures.plot_predicted_error(a, calibration, shown)
+            "predicted", map_size, lambda a: figures.plot_predicted_error(a, calibration, shown)
         )
         drawn["weak"] = _svg("weak", (4.6, 4.2), lambda a: views3d.plot_weak_motion(a, calibration), "3d")
     if shown is not None:
         rows = shown
         drawn["residuals"] = _svg(
-            "residuals", (4.9, 4.0), lambda a: figures.plot_residuals_over_image(a, calibration, rows)
+            "residuals", map_size, lambda a: figures.plot_residuals_over_image(a, calibration, rows)
         )
         drawn["by_frame"] = _svg(
             "by_frame", (9.6, 2.6), lambda a: figures.plot_residuals_by_frame(a, calibration, rows, unseen)
@@ -116,13 +118,13 @@ def _svg(
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    # The automatic layout is slow and of no use where nothing but one round or spatial axis stands.
-    figure = Figure(figsize=size, layout="constrained" if projection is None else None)
+    # Fixed margins: the automatic layout draws everything twice.
+    width, height = size
+    left, bottom = (0.08 * width, 0.08 * height) if projection else (0.6, 0.45)
+    figure = Figure(figsize=size)
     FigureCanvasSVG(figure)
-    if projection is None:
-        draw(figure.add_subplot())
-    else:
-        draw(figure.add_axes((0.08, 0.08, 0.84, 0.8), projection=projection))
+    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + 0.35) / height)
+    draw(figure.add_axes(box, projection=projection))
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
     text = buffer.getvalue()
