@@ -28,7 +28,7 @@ __all__ = [
 MOST_MARKS, MOST_ARROWS = 400, 200
 GRID = 41
 # Below the image, so that wide images keep their width.
-BAR: Any = {"location": "bottom", "shrink": 0.7, "aspect": 30, "fraction": 0.05, "pad": 0.13}
+BAR: Any = {"location": "bottom", "shrink": 0.7, "aspect": 30, "fraction": 0.05, "pad": 0.17}
 
 
 def plot_predicted_error(
@@ -85,10 +85,10 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
         clim=(-limit, limit),
         width=0.004,
     )
-    axis.quiverkey(drawn, 0.78, -0.12, typical, f"{typical:.2f} mm", labelpos="E", fontproperties={"size": 8})
+    axis.quiverkey(drawn, 0.78, 1.045, typical, f"{typical:.2f} mm", labelpos="E", fontproperties={"size": 8})
     axis.figure.colorbar(drawn, ax=axis, label="across the image plane, mm", **BAR)
     _image_axes(axis, calibration)
-    axis.set_title("Residuals over the image")
+    axis.set_title("Residuals")
 
 
 def plot_residuals_by_frame(

@@ -83,7 +83,7 @@ def _drawn(calibration: Calibration, observations: Observations | None) -> dict[
     """The figures as inline SVG, by name; those that the calibration or the missing rows do not allow are absent."""
     shown = unseen = None
     width, height = np.ptp(calibration.area_px[:, :2], axis=0)
-    map_size = (4.9, 1.4 + 3.2 * float(np.clip(height / max(width, 1e-9), 0.3, 1.5)))
+    map_size = (4.9, 1.7 + 3.2 * float(np.clip(height / max(width, 1e-9), 0.3, 1.5)))
     if observations is not None and len(observations):
         given = fitted_rows(calibration, observations)
         held = fitted_and_held_out(calibration, observations)[1]
