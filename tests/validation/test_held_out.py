@@ -9,6 +9,7 @@ import sonocal as sc
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import held_out, leave_one_frame_out, leave_one_target_out, repeatability
 from sonocal.validation.held_out import independent_units, line_distances, refitted
+from sonocal.validation.repeatability import _balanced_halves
 from tests.conftest import random_similarity
 
 
@@ -109,7 +110,7 @@ def test_repeatability_is_the_spread_over_repeated_scans():
         squares.append(np.sum(missed**2, axis=1).mean())
         if seed % 10 == 0:
             rows = simulated.observations.select(found.inlier)
-            said.append(repeatability(found, rows, splits=10).corners.value_mm ** 2)
+            said.append(repeatability(found, rows).corners.value_mm ** 2)
     assert np.sqrt(np.mean(said)) == pytest.approx(np.sqrt(np.mean(squares)), rel=0.1)
 
 
@@ -125,10 +126,18 @@ def test_moving_the_probe_marker_leaves_repeatability_alone(scan):
     calibration, rows = scan
     moved = dataclasses.replace(rows, segments_mm=random_similarity(1, scale=1.0) @ rows.segments_mm)
     np.testing.assert_allclose(
-        repeatability(sc.calibrate(moved), moved, splits=5).places_mm,
-        repeatability(calibration, rows, splits=5).places_mm,
+        repeatability(sc.calibrate(moved), moved).places_mm,
+        repeatability(calibration, rows).places_mm,
         rtol=1e-3,
     )
+
+
+@pytest.mark.parametrize("count", [8, 15, 16, 50, 60])
+def test_any_two_frames_are_together_in_half_of_the_splits(count):
+    signs = np.where(_balanced_halves(count, seed=3), 1, -1)
+    np.testing.assert_array_equal(signs.T @ signs, len(signs) * np.eye(count))
+    smallest = np.minimum((signs > 0).sum(axis=1), (signs < 0).sum(axis=1)).min()
+    assert smallest >= count // 8
 
 
 def test_few_frames_have_no_repeatability(scan):

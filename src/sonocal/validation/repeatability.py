@@ -17,9 +17,9 @@ from sonocal.validation.quantity import Quantity, log_interval
 __all__ = ["Repeatability", "repeatability"]
 
 FEWEST_UNITS = 8
-SPLITS = 50
 # Frames beyond this are put together, to keep the number of fits in bounds.
 MOST_UNITS = 60
+SIGN_DRAWS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +39,16 @@ class Repeatability:
     places_mm: Array
 
 
-def repeatability(
-    calibration: Calibration, fitted: Observations, *, splits: int = SPLITS, seed: int = 0
-) -> Repeatability:
+def repeatability(calibration: Calibration, fitted: Observations, *, seed: int = 0) -> Repeatability:
     """Spread of mapped points over repeats of the same scan, from resampled subsets.
 
-    The frames are halved at random, again and again; calibrations A and B of two halves share no frame. A scan
-    of all frames has half the variance of a scan of half of them:
+    The frames are halved at random, again and again; calibrations A and B of two halves of m and n - m frames
+    share none. Their variances are those of scans so much shorter:
 
-        spread^2 = mean over the splits of |A x - B x|^2 / 4
+        spread^2 = mean over the splits of |A x - B x|^2 m (n - m) / n^2
+
+    The splits are balanced: every two frames are together as often as apart, so that chance in the choice of
+    splits adds next to nothing.
 
     The true value that the interval is about: the standard deviation of A x, over all three axes, over
     repeats of the scan with as many new frames of the same kind. What all frames share, such as a wire
@@ -56,15 +57,13 @@ def repeatability(
     Args:
         calibration: gives the model, the start and the image area.
         fitted: the rows that were fitted, without the outliers.
-        splits: how many halvings.
         seed: of the halvings.
 
     Raises:
         UnsupportedError: there are fewer than eight independent frames.
         DegenerateGeometryError: half of the frames leave a motion free.
 
-    Source: Prager et al. 1998; Hsu et al. 2008 (calibration reproducibility); variance of disjoint halves as in
-    balanced repeated replication (McCarthy 1969).
+    Source: Prager et al. 1998; Hsu et al. 2008 (calibration reproducibility).
     """
     units = independent_units(calibration.probe_from_image, fitted)
     count = int(units.max()) + 1
@@ -73,8 +72,9 @@ def repeatability(
             f"{fitted.source}: has {count} independent frames and repeatability needs {FEWEST_UNITS} or more; "
             "scan more frames"
         )
+    units = units * min(MOST_UNITS, count) // count
     places = area_places(calibration.area_px)
-    apart = _apart(calibration, fitted, units, places, splits=splits, seed=seed)  # (splits, M), mm^2
+    apart = _apart(calibration, fitted, units, places, seed)  # (splits, M), mm^2
     moved = _moved(calibration, fitted, units, places)  # (folds, M), mm^2
     corners = _quantity("repeatability-corners", "corners", apart[:, :-1], moved[:, :-1], count)
     centre = _quantity("repeatability-centre", "centre", apart[:, -1:], moved[:, -1:], count)
@@ -82,33 +82,49 @@ def repeatability(
 
 
 def _apart(
-    calibration: Calibration,
-    rows: Observations,
-    units: NDArray[np.int64],
-    places: Array,
-    *,
-    splits: int,
-    seed: int,
+    calibration: Calibration, rows: Observations, units: NDArray[np.int64], places: Array, seed: int
 ) -> Array:
-    """Squared distance, over 4, between the calibrations of disjoint halves."""
-    rng, count = np.random.default_rng(seed), int(units.max()) + 1
+    """Squared distance between the calibrations of disjoint parts, scaled to the variance of the whole scan."""
     squares = []
-    for _ in range(splits):
-        half = (rng.permutation(count) < count // 2)[units]
+    for first in _balanced_halves(int(units.max()) + 1, seed):
+        half, share = first[units], float(first.mean())
         difference = refitted(calibration, rows, half) @ places - refitted(calibration, rows, ~half) @ places
-        squares.append(np.sum(difference**2, axis=1) / 4.0)
+        squares.append(np.sum(difference**2, axis=1) * share * (1 - share))
     return np.array(squares)
+
+
+def _balanced_halves(count: int, seed: int) -> NDArray[np.bool_]:
+    """Splits (R, count) of some units in two: any two units are together in half of them.
+
+    Columns of a Hadamard matrix, which are orthogonal, with random signs; of some draws the one whose smallest
+    part is largest.
+
+    Source: balanced repeated replication (McCarthy 1969).
+    """
+    from scipy.linalg import hadamard
+
+    rng, order = np.random.default_rng(seed), 1 << count.bit_length()
+    matrix = hadamard(order)[:, 1 : count + 1] > 0
+    best = matrix
+    for _ in range(SIGN_DRAWS):
+        drawn = matrix[:, rng.permutation(count)] ^ (rng.random(count) < 0.5)
+        if _smallest_part(drawn) > _smallest_part(best):
+            best = drawn
+    return np.asarray(best)
+
+
+def _smallest_part(halves: NDArray[np.bool_]) -> int:
+    first = halves.sum(axis=1)
+    return int(np.minimum(first, halves.shape[1] - first).min())
 
 
 def _moved(calibration: Calibration, rows: Observations, units: NDArray[np.int64], places: Array) -> Array:
     """Squared displacement when one unit is left out: how unevenly the units make up the spread."""
-    count = int(units.max()) + 1
-    folds = units * min(MOST_UNITS, count) // count
     whole = refitted(calibration, rows, np.ones(len(rows), dtype=bool)) @ places
     return np.array(
         [
-            np.sum((refitted(calibration, rows, folds != fold) @ places - whole) ** 2, axis=1)
-            for fold in range(int(folds.max()) + 1)
+            np.sum((refitted(calibration, rows, units != unit) @ places - whole) ** 2, axis=1)
+            for unit in range(int(units.max()) + 1)
         ]
     )
 
