@@ -42,10 +42,12 @@ class Repeatability:
 def repeatability(calibration: Calibration, fitted: Observations, *, seed: int = 0) -> Repeatability:
     """Spread of mapped points over repeats of the same scan, from resampled subsets.
 
-    The frames are halved at random, again and again; calibrations A and B of two halves of m and n - m frames
-    share none. Their variances are those of scans so much shorter:
+    The frames are halved at random, again and again; calibrations A and B of two halves share none. Their
+    variances are those of scans so much shorter:
 
-        spread^2 = mean over the splits of |A x - B x|^2 m (n - m) / n^2
+        spread^2 = mean over the splits of |A x - B x|^2 v(rows) / (v(rows of A) + v(rows of B))
+
+    with v(m) = 1 / (2 m - k - 1): the variance of k parameters fitted to m rows of two equations each.
 
     The splits are balanced: every two frames are together as often as apart, so that chance in the choice of
     splits adds next to nothing.
@@ -63,7 +65,8 @@ def repeatability(calibration: Calibration, fitted: Observations, *, seed: int =
         UnsupportedError: there are fewer than eight independent frames.
         DegenerateGeometryError: half of the frames leave a motion free.
 
-    Source: Prager et al. 1998; Hsu et al. 2008 (calibration reproducibility).
+    Source: Prager et al. 1998; Hsu et al. 2008 (calibration reproducibility); v is the mean of an
+    inverse Wishart matrix (Mardia, Kent and Bibby 1979, section 3.8).
     """
     units = independent_units(calibration.probe_from_image, fitted)
     count = int(units.max()) + 1
@@ -87,10 +90,17 @@ def _apart(
     """Squared distance between the calibrations of disjoint parts, scaled to the variance of the whole scan."""
     squares = []
     for first in _balanced_halves(int(units.max()) + 1, seed):
-        half, share = first[units], float(first.mean())
+        half = first[units]
         difference = refitted(calibration, rows, half) @ places - refitted(calibration, rows, ~half) @ places
-        squares.append(np.sum(difference**2, axis=1) * share * (1 - share))
+        squares.append(np.sum(difference**2, axis=1) * _shrinkage(half, calibration))
     return np.array(squares)
+
+
+def _shrinkage(half: NDArray[np.bool_], calibration: Calibration) -> float:
+    """The whole scan's variance as a share of the sum of its two parts'."""
+    parameters = 7 + (calibration.model == "anisotropic")
+    freedom = [max(2 * int(rows) - parameters - 1, 1) for rows in (len(half), half.sum(), (~half).sum())]
+    return (1 / freedom[0]) / (1 / freedom[1] + 1 / freedom[2])
 
 
 def _balanced_halves(count: int, seed: int) -> NDArray[np.bool_]:
