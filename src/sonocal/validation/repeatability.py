@@ -79,8 +79,13 @@ def repeatability(calibration: Calibration, fitted: Observations, *, seed: int =
     places = area_places(calibration.area_px)
     apart = _apart(calibration, fitted, units, places, seed)  # (splits, M), mm^2
     moved = _moved(calibration, fitted, units, places)  # (folds, M), mm^2
-    corners = _quantity("repeatability-corners", "corners", apart[:, :-1], moved[:, :-1], count)
-    centre = _quantity("repeatability-centre", "centre", apart[:, -1:], moved[:, -1:], count)
+    k = _parameters(calibration)
+    corners = _quantity(
+        "repeatability-corners", "corners", apart[:, :-1], moved[:, :-1], units=count, parameters=k
+    )
+    centre = _quantity(
+        "repeatability-centre", "centre", apart[:, -1:], moved[:, -1:], units=count, parameters=k
+    )
     return Repeatability(corners, centre, places, np.sqrt(apart.mean(axis=0)))
 
 
@@ -96,9 +101,13 @@ def _apart(
     return np.array(squares)
 
 
+def _parameters(calibration: Calibration) -> int:
+    return 7 + (calibration.model == "anisotropic")
+
+
 def _shrinkage(half: NDArray[np.bool_], calibration: Calibration) -> float:
     """The whole scan's variance as a share of the sum of its two parts'."""
-    parameters = 7 + (calibration.model == "anisotropic")
+    parameters = _parameters(calibration)
     freedom = [max(2 * int(rows) - parameters - 1, 1) for rows in (len(half), half.sum(), (~half).sum())]
     return (1 / freedom[0]) / (1 / freedom[1] + 1 / freedom[2])
 
@@ -139,11 +148,13 @@ def _moved(calibration: Calibration, rows: Observations, units: NDArray[np.int64
     )
 
 
-def _quantity(code: str, where: str, apart: Array, moved: Array, units: int) -> Quantity:
+def _quantity(code: str, where: str, apart: Array, moved: Array, *, units: int, parameters: int) -> Quantity:
     value, contributions = float(apart.mean()), moved.mean(axis=1)
     # The spread's own uncertainty is that of a mean over the units' contributions.
     total = contributions.mean()
-    relative = (contributions - total) / total if total > 0 else np.zeros(len(contributions))
+    # The fit has taken its parameters' part of them, two equations a unit.
+    left = max(len(contributions) - parameters / 2.0, 1.0) / len(contributions)
+    relative = (contributions - total) / max(total, np.finfo(float).tiny) / np.sqrt(left)
     low, high = log_interval(value, value * relative, np.arange(len(contributions)))
     return Quantity(
         code=code,
