@@ -103,7 +103,8 @@ class PointLineEstimator {
     const int needed = parameter_count(model_) / 2 + 1;
     if (rows_.size() < needed) return {a, 0, 0, false};
     if ((squares_ <= limit).count() < needed) limit = nearest(needed);
-    return refine(rows_.geometric_cost(squares_, limit), a, model_, iterations);
+    const Refinement refined = refine(rows_.geometric_cost(squares_, limit), a, model_, iterations);
+    return ran_away(refined.transform, a) ? Refinement{a, 0, 0, false} : refined;
   }
 
   // The n-th smallest squared distance.
@@ -324,8 +325,10 @@ Estimate refine_chosen(const Table& table, const bool* chosen, const Transform& 
   Transform refined = rows.normalisation().to_normalised(start);
   const Refinement geometric =
       refine(rows.geometric_cost(selector, kChosen), refined, options.model, kFinalIterations);
-  refined = geometric.transform;
-  result.converged = geometric.converged;
+  if (!ran_away(geometric.transform, refined)) {
+    refined = geometric.transform;
+    result.converged = geometric.converged;
+  }
   if (options.weighting == Weighting::kLikelihood) {
     fit = maximise_likelihood(NoiseModel(rows, sightings, table.noise), selector, kChosen, refined,
                               options.model, options.levels);

@@ -146,6 +146,10 @@ class Maximiser {
       const double moved_levels = move_a_ || move_b_ ? update_levels(fit.transform) : 0.0;
       const Refinement refined = refine(cost_at(fit.transform), fit.transform, model_, kIterationsARound);
       const double moved = (refined.transform.matrix() - fit.transform.matrix()).cwiseAbs().maxCoeff();
+      if (ran_away(refined.transform, start)) {
+        fit.transform = start;
+        break;
+      }
       fit.transform = refined.transform;
       fit.converged = moved < kConvergedMove && moved_levels < kConvergedLevel;
     }

@@ -47,6 +47,11 @@ Refinement descend(const NormalEquations& equations, const Transform& start, int
 
 }  // namespace
 
+bool ran_away(const Transform& a, const Transform& start) {
+  const Vector3d change = a.scales.cwiseQuotient(start.scales);
+  return !(change.minCoeff() > 1e-3 && change.maxCoeff() < 1e3 && a.translation.allFinite());
+}
+
 Refinement refine(const NormalEquations& equations, const Transform& start, Model model, int max_iterations) {
   return model == Model::kSimilarity ? descend<7>(equations, start, max_iterations)
                                      : descend<8>(equations, start, max_iterations);

@@ -146,6 +146,52 @@ class Calibration:
             radius_95(covariances, self.noise.freedom),
         )
 
+    # The figures: each draws on a matplotlib axis that the caller made. They need the extra sonocal[report].
+
+    def plot_predicted_error(self, axis: Any, observations: Observations | None = None) -> None:
+        """The error that 95 % stay below, over the image."""
+        from sonocal.report import figures
+
+        figures.plot_predicted_error(axis, self, observations)
+
+    def plot_residuals_over_image(self, axis: Any, observations: Observations) -> None:
+        """Residuals as arrows where the needle was seen."""
+        from sonocal.report import figures
+
+        figures.plot_residuals_over_image(axis, self, observations)
+
+    def plot_residuals_by_frame(
+        self, axis: Any, observations: Observations, held_out: Observations | None = None
+    ) -> None:
+        """Distances of mapped points to their lines, frame after frame."""
+        from sonocal.report import figures
+
+        figures.plot_residuals_by_frame(axis, self, observations, held_out)
+
+    def plot_tilts(self, axis: Any, observations: Observations) -> None:
+        """The needle's directions from the image's normal, on a polar axis."""
+        from sonocal.report import figures
+
+        figures.plot_tilts(axis, self, observations)
+
+    def plot_frames(self, axis: Any) -> None:
+        """The marker and the image where the matrix puts it, on a 3D axis."""
+        from sonocal.report import views3d
+
+        views3d.plot_frames(axis, self)
+
+    def plot_needles(self, axis: Any, observations: Observations) -> None:
+        """Needle poses through the image, on a 3D axis."""
+        from sonocal.report import views3d
+
+        views3d.plot_needles(axis, self, observations)
+
+    def plot_weak_motion(self, axis: Any) -> None:
+        """Where the loosest motion would carry the image, enlarged, on a 3D axis."""
+        from sonocal.report import views3d
+
+        views3d.plot_weak_motion(axis, self)
+
     def save(self, path: str | Path) -> None:
         """Write the calibration as JSON, whole or not at all.
 

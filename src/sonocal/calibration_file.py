@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 
 from sonocal.calibration import Calibration, ErrorStatistics
-from sonocal.diagnostics import Diagnostic
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
+from sonocal.findings import Diagnostic
 from sonocal.geometry import AxisScaled, Similarity
 from sonocal.registration.noise import Noise
 from sonocal.registration.robust import Model

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration, calibrate
-from sonocal.diagnostics import Diagnostic
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 

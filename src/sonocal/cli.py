@@ -9,6 +9,7 @@ import click
 
 from sonocal import __version__
 from sonocal.cli_detection import COMMANDS
+from sonocal.cli_validation import validate
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def main() -> None:
     type=click.Path(path_type=Path),
     default=Path("calibration"),
     show_default=True,
-    help="Folder for calibration.json; made if absent.",
+    help="Folder for calibration.json and report.html; made if absent.",
 )
 @click.option(
     "--model",
@@ -125,9 +126,23 @@ def main() -> None:
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random samples.")
 @click.option(
+    "--scanner-mm-per-px", type=click.FloatRange(0, min_open=True), help="What the scanner says, to compare."
+)
+@click.option(
+    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no report.html."
+)
+@click.option(
     "--json", "as_json", is_flag=True, help="Print the calibration as JSON on stdout instead of tables."
 )
-def calibrate(observations: Path, output: Path, as_json: bool, **options: Any) -> None:
+def calibrate(
+    observations: Path,
+    output: Path,
+    *,
+    scanner_mm_per_px: float | None,
+    report: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Calibrate from a table of sightings (CSV).
 
     One row a point: frame, target, u_px, v_px[, w_px] and the end points of the line that was seen there,
@@ -136,18 +151,21 @@ def calibrate(observations: Path, output: Path, as_json: bool, **options: Any) -
     """
     import sonocal
     from sonocal.calibration_file import calibration_json
+    from sonocal.cli_validation import checked, report_files
     from sonocal.files import write_into_folder
     from sonocal.terminal import print_calibration
 
-    calibration = sonocal.calibrate(sonocal.read_observations(observations), **options)
+    rows = sonocal.read_observations(observations)
+    calibration = checked(sonocal.calibrate(rows, **options), rows, scanner_mm_per_px=scanner_mm_per_px)
     content = calibration_json(calibration)
-    write_into_folder(output, {"calibration.json": content})
+    files = {"calibration.json": content, **(report_files(calibration, rows) if report else {})}
+    write_into_folder(output, files)
     if as_json:
         click.echo(content, nl=False)
         return
     console = _console()
     print_calibration(console, calibration)
-    console.print(f"Wrote {output / 'calibration.json'}", soft_wrap=True)
+    console.print(f"Wrote {' and '.join(str(output / name) for name in files)}", soft_wrap=True)
 
 
 @main.command()
@@ -242,5 +260,5 @@ def info(file: Path) -> None:
     print_observations(_console(), observations)
 
 
-for _command in COMMANDS:
+for _command in (*COMMANDS, validate):
     main.add_command(_command)

@@ -105,7 +105,7 @@ def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
             severity="warning",
             message=(
                 f"frames share an error of {drift:.2f} mm that drifts over some {stretch_frames} frames, "
-                f"{drift / noise.row_mm:.0f} times the {noise.row_mm:.2f} mm of single rows: "
+                f"{drift / max(noise.row_mm, 0.01 * drift):.0f} times the {noise.row_mm:.2f} mm of single rows: "
                 "neighbouring frames repeat one another's error"
             ),
             advice=(

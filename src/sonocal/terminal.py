@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sonocal.calibration import Calibration, ErrorStatistics
-from sonocal.diagnostics import Diagnostic
+from sonocal.findings import Diagnostic
 from sonocal.geometry import segment_directions, similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread

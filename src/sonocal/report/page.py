@@ -1,0 +1,191 @@
+"""The report: figures, numbers and words into one HTML file that needs no network."""
+
+from __future__ import annotations
+
+import datetime
+import io
+import re
+from collections.abc import Callable, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from sonocal.calibration import Calibration, area_places
+from sonocal.diagnostics import describe_motion
+from sonocal.errors import UnsupportedError
+from sonocal.observations import Observations
+from sonocal.registration.uncertainty import weakest_motion
+from sonocal.report import figures, views3d
+from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
+from sonocal.report.style import RC
+from sonocal.report.verdict import give_verdict
+from sonocal.validation import Comparison, Validation
+from sonocal.validation.whole import fitted_and_held_out, fitted_rows
+
+__all__ = ["report_html"]
+
+
+def report_html(
+    calibration: Calibration,
+    observations: Observations | None = None,
+    validation: Validation | None = None,
+    *,
+    comparison: Comparison | None = None,
+    frames: Sequence[FrameImage] = (),
+    title: str = "Probe calibration",
+) -> bytes:
+    """The report as the content of an HTML file.
+
+    Args:
+        calibration: what is reported.
+        observations: the rows it was fitted to, and held-out ones; without them there are no residual figures.
+        validation: its numbers.
+        comparison: with another calibration.
+        frames: images to show, with detections and needles.
+        title: of the page.
+
+    Raises:
+        UnsupportedError: the extra ``sonocal[report]`` is not installed.
+    """
+    try:
+        import jinja2
+        import matplotlib as mpl
+    except ImportError as error:
+        raise UnsupportedError(
+            f"the report needs {error.name}, which is not installed; pip install 'sonocal[report]', or --no-report"
+        ) from None
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(files("sonocal.report").joinpath("page.html").read_text("utf-8"))
+    with mpl.rc_context(RC):
+        drawn = _drawn(calibration, observations)
+        pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
+    page = template.render(
+        title=title,
+        verdict=give_verdict(calibration, validation),
+        cal=calibration,
+        validation=validation,
+        comparison=comparison,
+        errors=_errors(calibration),
+        findings=[*calibration.diagnostics, *(validation.diagnostics if validation else ())],
+        figures=drawn,
+        pictures=pictures,
+        matrix=calibration.probe_from_image.matrix,
+        words=_matrix_in_words(calibration),
+        weak=_weak_in_words(calibration),
+        provenance=_provenance(calibration, validation),
+        made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+    )
+    return page.encode()
+
+
+def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:
+    """The figures as inline SVG, by name; those that the calibration or the missing rows do not allow are absent."""
+    shown = unseen = None
+    width, height = np.ptp(calibration.area_px[:, :2], axis=0)
+    map_size = (4.9, 1.7 + 3.2 * float(np.clip(height / max(width, 1e-9), 0.3, 1.5)))
+    if observations is not None and len(observations):
+        given = fitted_rows(calibration, observations)
+        held = fitted_and_held_out(calibration, observations)[1]
+        shown, unseen = (observations, None) if given is None else (given, held)
+    drawn = {"frames": _svg("frames", (4.6, 4.2), lambda a: views3d.plot_frames(a, calibration), "3d")}
+    if calibration.covariance is not None:
+        drawn["predicted"] = _svg(
+            "predicted", map_size, lambda a: figures.plot_predicted_error(a, calibration, shown)
+        )
+        drawn["weak"] = _svg("weak", (4.6, 4.2), lambda a: views3d.plot_weak_motion(a, calibration), "3d")
+    if shown is not None:
+        rows = shown
+        drawn["residuals"] = _svg(
+            "residuals", map_size, lambda a: figures.plot_residuals_over_image(a, calibration, rows)
+        )
+        drawn["by_frame"] = _svg(
+            "by_frame", (9.6, 2.6), lambda a: figures.plot_residuals_by_frame(a, calibration, rows, unseen)
+        )
+        drawn["needles"] = _svg(
+            "needles", (4.6, 4.2), lambda a: views3d.plot_needles(a, calibration, rows), "3d"
+        )
+        drawn["tilts"] = _svg(
+            "tilts", (4.0, 4.0), lambda a: figures.plot_tilts(a, calibration, rows), "polar"
+        )
+    return drawn
+
+
+def _svg(
+    name: str, size: tuple[float, float], draw: Callable[[Any], None], projection: str | None = None
+) -> str:
+    """A figure as an SVG element whose ids are its own in the page."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    # Fixed margins: the automatic layout draws everything twice.
+    width, height = size
+    left, bottom = (0.08 * width, 0.08 * height) if projection else (0.6, 0.45)
+    figure = Figure(figsize=size)
+    FigureCanvasSVG(figure)
+    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + 0.35) / height)
+    draw(figure.add_axes(box, projection=projection))
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    for before in (' id="', "url(#", 'xlink:href="#', ' href="#'):
+        text = text.replace(before, f"{before}{name}-")
+    return text.replace("<svg", '<svg role="img"', 1)
+
+
+def _errors(calibration: Calibration) -> list[tuple[str, str, float, float]]:
+    """Predicted error by place: name, pixels, rms, 95 %."""
+    if calibration.covariance is None:
+        return []
+    places, rms, below = calibration.predicted_errors()
+    names = ["corner"] * (len(places) - 1) + ["centre"]
+    return [
+        (name, ", ".join(f"{x:.0f}" for x in place), float(r), float(b))
+        for name, place, r, b in zip(names, places, rms, below, strict=True)
+    ]
+
+
+def _matrix_in_words(calibration: Calibration) -> list[str]:
+    """Where the image is and which way it runs, as one would check it with the probe in the hand."""
+    transform = calibration.probe_from_image
+    x, y, z = transform.translation
+    away = np.linalg.norm(transform.translation)
+    words = [f"The first pixel is at ({x:.1f}, {y:.1f}, {z:.1f}) mm, {away:.0f} mm from the marker's origin."]
+    for i, (name, meaning) in enumerate((("u", "right"), ("v", "down"), ("w", "the normal"))):
+        direction = transform.rotation[:, i]
+        strongest = int(np.argmax(np.abs(direction)))
+        sign = "+" if direction[strongest] > 0 else "-"
+        angle = np.degrees(np.arccos(min(1.0, abs(direction[strongest]))))
+        words.append(
+            f"{name} ({meaning}) runs along the marker's {sign}{'xyz'[strongest]}, {angle:.0f}° off it."
+        )
+    scales = transform.scales
+    words.append(
+        f"The scale, {scales[0]:.5f} mm/px, is inside the matrix."
+        if calibration.model == "similarity"
+        else f"The scales, {scales[0]:.5f} mm/px along u and {scales[1]:.5f} along v, are inside the matrix."
+    )
+    return words
+
+
+def _weak_in_words(calibration: Calibration) -> str:
+    if calibration.covariance is None:
+        return ""
+    corners = area_places(calibration.area_px)[:-1]
+    return describe_motion(weakest_motion(calibration.probe_from_image, calibration.covariance, corners))
+
+
+def _provenance(calibration: Calibration, validation: Validation | None) -> list[tuple[str, str]]:
+    kept = calibration.provenance
+    rows = [("fitted to", str(kept.get("input", ""))), ("its SHA-256", str(kept.get("sha256", "")))]
+    rows += [
+        (name.replace("_", " "), str(value))
+        for name, value in kept.get("options", {}).items()
+        if value is not None
+    ]
+    rows += [(f"version of {name}", str(value)) for name, value in kept.get("versions", {}).items()]
+    if validation is not None and validation.source and validation.sha256 != kept.get("sha256"):
+        rows += [("validated with", validation.source), ("its SHA-256", validation.sha256)]
+    return [(name, value) for name, value in rows if value]

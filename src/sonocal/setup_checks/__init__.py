@@ -1,0 +1,24 @@
+"""What is often wrong with a set-up, looked for in its data; each finding is a diagnostic with its code.
+
+- scale-differs-from-scanner: mm/px is not what the scanner says. Needs the scanner's mm/px.
+- flipped-image: the image is mirrored or upside down. In 2D, needs a roughly known orientation.
+- marker-slipped: the marker moved on the probe during the scan. Needs frames in the order of time.
+- wrong-tool-frame: lines are not in the probe marker's frame. The probe's poses tell which they are in.
+- wrong-end-of-needle: the needle was seen beyond its segment. Needs segments that end where the needle does.
+- latency: image and tracker are not of the same instant. Needs frames in the order of time.
+- anisotropic-scale: mm/px differs along u and v. `calibrate` finds it.
+"""
+
+from sonocal.setup_checks.over_time import check_latency, check_slip
+from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
+from sonocal.setup_checks.whole import check_setup
+
+__all__ = [
+    "check_flip",
+    "check_latency",
+    "check_needle_end",
+    "check_scale",
+    "check_setup",
+    "check_slip",
+    "check_tool_frame",
+]

@@ -1,0 +1,237 @@
+"""Is the scale the scanner's, the image the right way round, the line in the right frame and at the right end?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from sonocal.calibration import Calibration, calibrate
+from sonocal.diagnostics import NORMAL_95, SIGNIFICANT
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, UnsupportedError
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array, homogeneous_points, segment_directions
+from sonocal.observations import Observations
+
+__all__ = ["check_flip", "check_needle_end", "check_scale", "check_tool_frame"]
+
+# A scale off by less moves the far corner of a 100 mm image by less than 1 mm.
+LEAST_SCALE_ERROR = 0.01
+# Known orientations are rough: an image counts as flipped when it is nearer than this to a flipped one.
+ORIENTATION_RAD = np.radians(45.0)
+FLIPS = {
+    "left and right are exchanged": np.diag([-1.0, 1.0, -1.0]),
+    "top and bottom are exchanged": np.diag([1.0, -1.0, -1.0]),
+    "it is turned by half a turn": np.diag([-1.0, -1.0, 1.0]),
+}
+# The mirrored model must leave this much less of the squares: sound scans leave it far more.
+MIRRORED_BETTER = 0.5
+BEYOND_END_MM = 5.0
+# Rows in no common frame agree by chance only; other frames are believed when they agree by much more.
+POOR_SHARE, GOOD_SHARE, GAIN = 0.5, 0.6, 0.25
+FEW_SAMPLES = 1000
+
+
+def check_scale(
+    calibration: Calibration, scanner_mm_per_px: float | tuple[float, float]
+) -> Iterator[Diagnostic]:
+    """The calibration's mm/px against what the scanner says, one number or one along u and one along v.
+
+    Raises:
+        InputError: a number is not positive.
+    """
+    said = np.broadcast_to(np.asarray(scanner_mm_per_px, dtype=float), (2,))
+    if not np.all(np.isfinite(said) & (said > 0)):
+        raise InputError(f"scanner_mm_per_px must be positive; got {scanner_mm_per_px}")
+    found = calibration.probe_from_image.scales[:2]
+    deviation = _scale_deviation(calibration)
+    off = np.log(found / said)
+    worst = int(np.argmax(np.abs(off)))
+    if not abs(off[worst]) > max(SIGNIFICANT * deviation[worst], LEAST_SCALE_ERROR):
+        return
+    yield Diagnostic(
+        code="scale-differs-from-scanner",
+        severity="warning",
+        message=(
+            f"the calibration has {found[worst]:.5f} mm/px along {'uv'[worst]} and the scanner says "
+            f"{said[worst]:.5f}: {100 * np.expm1(off[worst]):+.1f} % "
+            f"(+-{100 * NORMAL_95 * deviation[worst]:.1f} %)"
+        ),
+        advice=(
+            "check that frames are not resampled or cropped between scanner and recording, that the depth setting "
+            "is the scan's, and that needle lengths are in mm; speed of sound explains a per cent or two along v"
+        ),
+    )
+
+
+def _scale_deviation(calibration: Calibration) -> Array:
+    if calibration.covariance is None:
+        return np.full(2, np.inf)
+    variances = np.diag(calibration.covariance)[6:]
+    return np.asarray(np.sqrt(np.resize(variances, 2)))
+
+
+def check_flip(
+    calibration: Calibration,
+    observations: Observations,
+    *,
+    expected: Array | None = None,
+    marker_above_image: bool = False,
+) -> Iterator[Diagnostic]:
+    """Is the image the right way round?
+
+    A volume that is mirrored fits no similarity, but fits one after being mirrored back. A mirrored 2D image fits
+    as well as the right one, because the plane can be turned over: only knowledge from outside tells.
+
+    Args:
+        calibration: the calibration.
+        observations: the rows it was fitted to.
+        expected: (3, 3): roughly, the directions of u, v and their normal in the marker's frame, as columns, such
+            as the rotation of an earlier calibration of this probe and marker.
+        marker_above_image: the marker is fixed to the probe's handle, so it must lie beyond the image's upper
+            half (v small), not below.
+    """
+    if calibration.dimension == 3:
+        yield from _check_mirrored_volume(calibration, observations)
+    if expected is not None:
+        yield from _check_orientation(calibration, np.asarray(expected, dtype=float))
+    elif marker_above_image:
+        yield from _check_marker_side(calibration)
+
+
+def _check_mirrored_volume(calibration: Calibration, observations: Observations) -> Iterator[Diagnostic]:
+    mirrored = replace(observations, points_px=observations.points_px * [1.0, 1.0, -1.0])
+    try:
+        other = calibrate(mirrored, max_samples=FEW_SAMPLES)
+    except (NoConsensusError, DegenerateGeometryError, UnsupportedError):
+        return
+    agree, others = int(calibration.inlier.sum()), int(other.inlier.sum())
+    better = other.fit.rms_mm**2 < MIRRORED_BETTER * calibration.fit.rms_mm**2
+    if not (others > (1 + GAIN) * agree or (better and others >= agree)):
+        return
+    yield Diagnostic(
+        code="flipped-image",
+        severity="warning",
+        message=(
+            f"the volume fits better when it is mirrored: {others} instead of {agree} rows agree, with "
+            f"{other.fit.rms_mm:.2f} instead of {calibration.fit.rms_mm:.2f} mm rms"
+        ),
+        advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
+    )
+
+
+def _check_orientation(calibration: Calibration, expected: Array) -> Iterator[Diagnostic]:
+    if expected.shape != (3, 3):
+        raise InputError(
+            f"expected must be the directions of u, v and normal, shape (3, 3); got {expected.shape}"
+        )
+    turn = expected.T @ calibration.probe_from_image.rotation
+    for what, flip in FLIPS.items():
+        cosine = (np.trace(flip.T @ turn) - 1.0) / 2.0
+        angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+        if angle < ORIENTATION_RAD:
+            yield _flipped(f"against its expected orientation {what} ({np.degrees(angle):.0f} deg off that)")
+
+
+def _check_marker_side(calibration: Calibration) -> Iterator[Diagnostic]:
+    transform = calibration.probe_from_image
+    marker = -transform.translation @ transform.rotation / transform.scales
+    middle = float(calibration.area_px[:, 1].mean())
+    if marker[1] > middle:
+        yield _flipped(
+            f"the marker, which is on the handle, would lie below the image's middle, at v = {marker[1]:.0f} px"
+        )
+
+
+def _flipped(how: str) -> Diagnostic:
+    return Diagnostic(
+        code="flipped-image",
+        severity="warning",
+        message=f"the image is flipped: {how}",
+        advice=(
+            "the residuals of a 2D image cannot tell; check the image's orientation in the recording (MF, UF, ...) "
+            "and the scanner's left-right mark, then calibrate again"
+        ),
+    )
+
+
+def check_needle_end(calibration: Calibration, observations: Observations) -> Iterator[Diagnostic]:
+    """Was the needle seen on the segment that is said to be it, or beyond one of its ends?
+
+    The fit uses the infinite line and does not notice; whatever uses the tip will.
+    """
+    rows = observations
+    directions = segment_directions(rows.segments_mm)
+    lengths = np.linalg.norm(rows.segments_mm[:, 1] - rows.segments_mm[:, 0], axis=1)
+    away = calibration.probe_from_image @ homogeneous_points(rows.points_px) - rows.segments_mm[:, 0]
+    along = np.sum(away * directions, axis=1)
+    off = np.linalg.norm(away - along[:, None] * directions, axis=1)
+    agree = off <= float(calibration.provenance.get("options", {}).get("threshold_mm", np.inf))
+    if not agree.any():
+        return
+    before, beyond = -along[agree], (along - lengths)[agree]
+    for name, past in (("first", before), ("second", beyond)):
+        share = float(np.mean(past > BEYOND_END_MM))
+        if share > 0.5:
+            yield Diagnostic(
+                code="wrong-end-of-needle",
+                severity="warning",
+                message=(
+                    f"{100 * share:.0f} % of the rows see the needle beyond the {name} end of its segment, by "
+                    f"{np.median(past[past > BEYOND_END_MM]):.0f} mm in the middle"
+                ),
+                advice=(
+                    "check the sign and the length of the needle's far end in its marker's frame (from_mm, to_mm); "
+                    "the calibration stands, but a tip taken from this needle is wrong"
+                ),
+            )
+
+
+def check_tool_frame(
+    observations: Observations, *, tracker_from_probe: Array | None = None, threshold_mm: float = 5.0
+) -> Iterator[Diagnostic]:
+    """Are the lines in the probe marker's frame?
+
+    Args:
+        observations: the rows to fit.
+        tracker_from_probe: (N, 4, 4), the probe's pose of each row: tells which frame the lines are in instead.
+        threshold_mm: rows further than this from their line do not agree.
+    """
+    share = _agreeing_share(observations, threshold_mm)
+    found: dict[str, float] = {}
+    if tracker_from_probe is not None:
+        inverse = np.linalg.inv(tracker_from_probe)
+        for where, pose in (("the tracker's frame", inverse), ("a frame twice removed", tracker_from_probe)):
+            moved = (
+                np.einsum("nij,nkj->nki", pose[:, :3, :3], observations.segments_mm) + pose[:, None, :3, 3]
+            )
+            found[where] = _agreeing_share(replace(observations, segments_mm=moved), threshold_mm)
+    best = max(found, key=lambda name: found[name]) if found else ""
+    if found and found[best] > max(GOOD_SHARE, share + GAIN):
+        yield _wrong_frame(
+            f"only {100 * share:.0f} % of the rows agree as they stand, and {100 * found[best]:.0f} % when the lines "
+            f"are taken to be in {best}",
+            "carry the lines into the probe marker's frame: probe_from_needle = probe_from_tracker @ "
+            "tracker_from_needle, and mind which way each transform goes",
+        )
+    elif share < POOR_SHARE:
+        yield _wrong_frame(
+            f"only {100 * share:.0f} % of the rows agree, hardly more than rows in no common frame would",
+            "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the "
+            "same instant",
+        )
+
+
+def _agreeing_share(rows: Observations, threshold_mm: float) -> float:
+    try:
+        found = calibrate(rows, threshold_mm=threshold_mm, max_samples=FEW_SAMPLES)
+    except (NoConsensusError, DegenerateGeometryError, UnsupportedError):
+        return 0.0
+    # An image shrunk to nothing agrees with all lines that pass near one point.
+    lengths = float(np.ptp(found.probe_from_image @ homogeneous_points(rows.points_px), axis=0).max())
+    return 0.0 if lengths < 2.0 * threshold_mm else float(found.inlier.mean())
+
+
+def _wrong_frame(message: str, advice: str) -> Diagnostic:
+    return Diagnostic(code="wrong-tool-frame", severity="warning", message=message, advice=advice)

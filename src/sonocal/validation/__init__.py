@@ -1,0 +1,36 @@
+"""How far a calibration is off: each number with its definition, spread and confidence interval."""
+
+from sonocal.validation.comparison import Comparison, compare
+from sonocal.validation.crosswire import (
+    fit_crosswire,
+    fixed_point_spread,
+    reconstruction_accuracy,
+)
+from sonocal.validation.held_out import held_out, leave_one_frame_out, leave_one_target_out
+from sonocal.validation.nwire import nwire_error, nwire_errors
+from sonocal.validation.point_table import PointSightings, parse_point_sightings, read_point_sightings
+from sonocal.validation.quantity import Quantity
+from sonocal.validation.repeatability import Repeatability, repeatability
+from sonocal.validation.whole import Validation, validate, validate_points
+
+__all__ = [
+    "Comparison",
+    "PointSightings",
+    "Quantity",
+    "Repeatability",
+    "Validation",
+    "compare",
+    "fit_crosswire",
+    "fixed_point_spread",
+    "held_out",
+    "leave_one_frame_out",
+    "leave_one_target_out",
+    "nwire_error",
+    "nwire_errors",
+    "parse_point_sightings",
+    "read_point_sightings",
+    "reconstruction_accuracy",
+    "repeatability",
+    "validate",
+    "validate_points",
+]

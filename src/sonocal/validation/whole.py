@@ -1,0 +1,200 @@
+"""Everything that a table can say of a calibration, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.calibration import Calibration
+from sonocal.errors import InputError, SonocalError
+from sonocal.findings import Diagnostic
+from sonocal.observations import Observations
+from sonocal.validation.crosswire import fixed_point_spread, reconstruction_accuracy
+from sonocal.validation.held_out import held_out, leave_one_frame_out, leave_one_target_out, line_distances
+from sonocal.validation.nwire import nwire_error
+from sonocal.validation.point_table import PointSightings
+from sonocal.validation.quantity import Quantity
+from sonocal.validation.repeatability import Repeatability, repeatability
+
+__all__ = ["Validation", "fitted_and_held_out", "fitted_rows", "validate", "validate_points"]
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """The numbers of a validation.
+
+    Attributes:
+        quantities: the most trustworthy first.
+        diagnostics: what could not be computed or must be known.
+        repeatability: where in the image, when it was computed.
+        source: the table's name.
+        sha256: the table's digest, or "".
+    """
+
+    quantities: tuple[Quantity, ...]
+    diagnostics: tuple[Diagnostic, ...] = ()
+    repeatability: Repeatability | None = None
+    source: str = ""
+    sha256: str = ""
+
+    def __getitem__(self, code: str) -> Quantity:
+        """The quantity of a code.
+
+        Raises:
+            KeyError: it was not computed; the message names those that were.
+        """
+        for quantity in self.quantities:
+            if quantity.code == code:
+                return quantity
+        raise KeyError(f"no {code!r}; there are {', '.join(q.code for q in self.quantities)}")
+
+
+def validate(
+    calibration: Calibration,
+    observations: Observations,
+    *,
+    split: str | None = None,
+    nwires: Sequence[tuple[str, str, str]] = (),
+    seed: int = 0,
+) -> Validation:
+    """All numbers that a table of sightings gives.
+
+    Rows that were fitted (the calibration's own input) give leave-one-out errors and repeatability; rows that
+    were not give the held-out error, and PLUS's where the wires form Ns.
+
+    Args:
+        calibration: the calibration.
+        observations: its own input, or a table of other sightings.
+        split: take only this split as held-out rows.
+        nwires: the targets (left, middle, right) of each N of an N-wire phantom.
+        seed: of the resampling.
+
+    Raises:
+        InputError: the rows do not fit the calibration.
+    """
+    if observations.dimension != calibration.dimension:
+        raise InputError(
+            f"{observations.source}: is of a {observations.dimension}D probe and the calibration of a "
+            f"{calibration.dimension}D one"
+        )
+    fitted, unseen = fitted_and_held_out(calibration, observations, split)
+    attempts = _Attempts()
+    if unseen is not None:
+        attempts.run("held-out error", lambda: held_out(calibration, unseen))
+    if nwires:
+        attempts.run(
+            "N-wire error",
+            lambda: nwire_error(calibration.probe_from_image, unseen or fitted or observations, nwires),
+        )
+    spread = None
+    if fitted is not None:
+        attempts.run("leave-one-frame-out error", lambda: leave_one_frame_out(calibration, fitted))
+        if len(np.unique(fitted.target)) > 1:
+            attempts.run("leave-one-target-out error", lambda: leave_one_target_out(calibration, fitted))
+        spread = attempts.repeatability(calibration, fitted, seed)
+    return Validation(
+        tuple(attempts.quantities), tuple(attempts.failures), spread, observations.source, observations.sha256
+    )
+
+
+def validate_points(calibration: Calibration, sightings: PointSightings) -> Validation:
+    """All numbers that a table of points gives: PRA where places are known, spread where poses are.
+
+    Raises:
+        InputError: the points do not fit the calibration.
+    """
+    if sightings.points_px.shape[1] != calibration.dimension:
+        raise InputError(
+            f"{sightings.source}: is of a {sightings.points_px.shape[1]}D probe and the calibration of a "
+            f"{calibration.dimension}D one"
+        )
+    attempts = _Attempts()
+    if sightings.points_mm is not None:
+        attempts.run("PRA", lambda: reconstruction_accuracy(calibration.probe_from_image, sightings))
+    if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
+        attempts.run("spread", lambda: fixed_point_spread(calibration.probe_from_image, sightings))
+    return Validation(
+        tuple(attempts.quantities), tuple(attempts.failures), None, sightings.source, sightings.sha256
+    )
+
+
+def fitted_and_held_out(
+    calibration: Calibration, observations: Observations, split: str | None = None
+) -> tuple[Observations | None, Observations | None]:
+    """The rows the calibration was fitted to, without outliers, and those it has not seen.
+
+    A table is the calibration's own input when it has the digest that the calibration recorded.
+    """
+    test_split = split or calibration.provenance.get("options", {}).get("test_split")
+    mask = _fitted_mask(calibration, observations)
+    if mask is None:
+        return None, observations if split is None else observations.select_split(split)
+    fitted = observations.select(mask)
+    threshold = calibration.provenance.get("options", {}).get("threshold_mm", np.inf)
+    fitted = fitted.select(line_distances(calibration.probe_from_image, fitted) <= threshold)
+    if test_split is None:
+        return fitted, None
+    unseen = observations.select((observations.split == test_split) & ~mask)
+    if not len(unseen):
+        raise InputError(
+            f"{observations.source}: all rows of split {test_split!r} were fitted; name one that was not"
+        )
+    return fitted, unseen
+
+
+def fitted_rows(calibration: Calibration, observations: Observations) -> Observations | None:
+    """The rows that were given to the fit, outliers included; None if the table is not the calibration's input."""
+    mask = _fitted_mask(calibration, observations)
+    return None if mask is None else observations.select(mask)
+
+
+def _fitted_mask(calibration: Calibration, observations: Observations) -> NDArray[np.bool_] | None:
+    recorded, options = calibration.provenance, calibration.provenance.get("options", {})
+    if (recorded.get("sha256"), recorded.get("input")) != (observations.sha256, observations.source):
+        return None
+    fit_split, test_split = options.get("fit_split"), options.get("test_split")
+    mask = np.ones(len(observations), dtype=bool)
+    if fit_split is not None:
+        mask = np.asarray(observations.split == fit_split)
+    elif test_split is not None:
+        mask = np.asarray(observations.split != test_split)
+    # Tables made in Python have no digest: the number of rows tells them apart a little.
+    return mask if mask.sum() == calibration.fit.observations else None
+
+
+class _Attempts:
+    """Numbers one by one; what has no answer becomes a finding instead of an end."""
+
+    def __init__(self) -> None:
+        self.quantities: list[Quantity] = []
+        self.failures: list[Diagnostic] = []
+
+    def run(self, what: str, compute: Callable[[], Quantity]) -> None:
+        try:
+            self.quantities.append(compute())
+        except SonocalError as error:
+            self._failed(what, error)
+
+    def repeatability(
+        self, calibration: Calibration, fitted: Observations, seed: int
+    ) -> Repeatability | None:
+        try:
+            found = repeatability(calibration, fitted, seed=seed)
+        except SonocalError as error:
+            self._failed("repeatability", error)
+            return None
+        self.quantities += [found.corners, found.centre]
+        return found
+
+    def _failed(self, what: str, error: SonocalError) -> None:
+        self.failures.append(
+            Diagnostic(
+                code="not-computed",
+                severity="info",
+                message=f"the {what} was not computed: {error}",
+                advice="scan more, or name the targets and splits, to have it",
+            )
+        )
