@@ -379,6 +379,8 @@ def _diagnose_weakness(
     corners = area_places(area)[:-1]
     covariances = point_covariance(fit.transform, noise.covariance, corners)
     worst = float(radius_95(covariances, noise.freedom).max())
+    if worst <= tolerance_mm:
+        return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
     yield from diagnose_weakness(
         motion, worst, tolerance_mm, segment_directions(table.segments_mm[fit.inlier])
@@ -400,7 +402,19 @@ def _diagnose_anisotropy(
         sigma_px=fit.sigma_px,
         sigma_mm=fit.sigma_mm,
     )
-    yield from diagnose_anisotropy(wider.transform.scales, estimate_noise(table, wider, groupings).covariance)
+    # Errors that rows share only widen the covariance: scales alike without them are alike with them.
+    if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
+        yield from diagnose_anisotropy(
+            wider.transform.scales, estimate_noise(table, wider, groupings).covariance
+        )
+
+
+def _least_covariance(fit: Fit) -> Array:
+    """The tangent's covariance if rows shared no error."""
+    if fit.weighting == "likelihood":
+        return fit.covariance
+    freedom = 2 * int(fit.inlier.sum()) - len(fit.covariance)
+    return fit.covariance * float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom
 
 
 def _test(held_out: Observations, fit: Fit) -> ErrorStatistics:
