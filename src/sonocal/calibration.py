@@ -20,7 +20,11 @@ from sonocal.diagnostics import (
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points, segment_directions
 from sonocal.observations import Observations, group_codes
-from sonocal.registration.degeneracy import refuse_degenerate_lines, refuse_free_motion
+from sonocal.registration.degeneracy import (
+    SUSPICIOUS_INFORMATION,
+    refuse_degenerate_lines,
+    refuse_free_motion,
+)
 from sonocal.registration.noise import Noise, estimate_noise, residual_vectors, stretch_length
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS, Fit, Model, Weighting, fit_point_lines
@@ -276,7 +280,7 @@ def calibrate(
         max_samples=max_samples,
         seed=seed,
     )
-    if not fit.inlier.all():
+    if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension)
     refuse_free_motion(fit.least_information)
 

@@ -15,6 +15,8 @@ EXACT_ANGLE = 1e-4
 EXACT_LENGTH = 1e-5
 # Least eigenvalue of J'J a row, in coordinates of order one, below which a motion is free.
 FREE_INFORMATION = 1e-12
+# Below this the configuration may be one of those above: their information is the square of their angle or length.
+SUSPICIOUS_INFORMATION = 1e-5
 
 
 def refuse_degenerate_lines(points: Array, segments_mm: Array, dimension: int) -> None:
