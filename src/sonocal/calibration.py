@@ -59,12 +59,13 @@ class ErrorStatistics:
     @classmethod
     def of(cls, counted_mm: Array, observations: int, inliers: int) -> ErrorStatistics:
         """The statistics of some distances (M,) in mm."""
+        median, p95 = _quantiles(counted_mm, (0.5, 0.95))
         return cls(
             observations=observations,
             inliers=inliers,
             rms_mm=float(np.sqrt(np.mean(counted_mm**2))),
-            median_mm=float(np.median(counted_mm)),
-            p95_mm=float(np.quantile(counted_mm, 0.95)),
+            median_mm=median,
+            p95_mm=p95,
             max_mm=float(counted_mm.max()),
         )
 
@@ -323,6 +324,14 @@ def calibrate(
             },
         },
     )
+
+
+def _quantiles(values: Array, shares: tuple[float, ...]) -> list[float]:
+    """Quantiles by linear interpolation: NumPy's own take a tenth of a whole calibration's time."""
+    ordered = np.sort(values)
+    return [
+        float(np.interp(share * (len(ordered) - 1), np.arange(len(ordered)), ordered)) for share in shares
+    ]
 
 
 def area_places(area_px: Array) -> Array:
