@@ -22,7 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "recording": EVERYONE,
     "detection": EVERYONE | {"recording", "_core"},
     "sightings": EVERYONE | {"observations", "recording"},
-    "candidates": EVERYONE | CALIBRATION | {"observations"},
+    "candidates": EVERYONE | CALIBRATION | {"observations", "registration"},
     "needle_sweep": EVERYONE
     | CALIBRATION
     | {"candidates", "detection", "observations", "recording", "sightings"},

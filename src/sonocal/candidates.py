@@ -18,6 +18,7 @@ from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
+from sonocal.registration.noise import residual_vectors
 
 __all__ = ["CandidateCalibration", "calibrate_candidates", "predicted_points"]
 
@@ -246,7 +247,4 @@ def _ranks(sighting: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _distances(transform: AxisScaled, points: Array, segments_mm: Array) -> Array:
     """(N,) mm: of mapped points to their lines."""
-    offset = transform @ points - segments_mm[:, 0]
-    along = segments_mm[:, 1] - segments_mm[:, 0]
-    along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    return np.asarray(np.linalg.norm(np.cross(offset, along), axis=1))
+    return np.asarray(np.linalg.norm(residual_vectors(transform, points, segments_mm), axis=1))
