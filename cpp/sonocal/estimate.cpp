@@ -35,6 +35,7 @@ template <class Sampler>
 class PointLineEstimator {
  public:
   using Model = Transform;
+  using Models = Candidates;
 
   PointLineEstimator(const PointLines& rows, const Sampler& sampler, sonocal::Model model, double limit)
       : rows_(rows), sampler_(sampler), model_(model), limit_(limit) {}
@@ -125,7 +126,7 @@ class PointLineEstimator {
 template <class Sampler>
 double limit_from_noise(const PointLines& rows, const Sampler& sampler, std::uint64_t seed) {
   Random random(seed);
-  Sample sample{0, 1, 2, 3};
+  Sample sample;
   Candidates candidates;
   Column squares;
   double least = kInfinity;
