@@ -24,7 +24,7 @@ struct Kernels {
                          bool real_parts, BatchOut out);
 };
 
-// Those for this machine.
-const Kernels& kernels();
+// Those for this machine and so many problems: one problem does not fill wide registers, and waits for them.
+const Kernels& kernels(std::size_t size);
 
 }  // namespace sonocal

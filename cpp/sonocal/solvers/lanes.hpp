@@ -12,7 +12,9 @@
 
 // Forced, because this code is compiled once for every kind of machine: a copy that the linker could share
 // between them would bring one machine's instructions to another.
+#ifndef SONOCAL_INLINE
 #define SONOCAL_INLINE inline __attribute__((always_inline))
+#endif
 
 namespace sonocal {
 

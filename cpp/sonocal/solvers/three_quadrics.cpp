@@ -19,9 +19,9 @@ int three_quadrics(const std::array<PointOnPlane, 7>& problem, std::array<Transf
 void three_quadrics_batch(const double* points, const double* planes, std::size_t size, int rows,
                           NoRealRoot policy, int threads, BatchOut out) {
   in_threads(size, threads, [&](std::size_t begin, std::size_t end) {
-    kernels().three_quadrics(points + begin * rows * 3, planes + begin * rows * 4, end - begin, rows,
-                             policy == NoRealRoot::kRealPart,
-                             {out.matrices + begin * 128, out.counts + begin});
+    kernels(size).three_quadrics(points + begin * rows * 3, planes + begin * rows * 4, end - begin, rows,
+                                 policy == NoRealRoot::kRealPart,
+                                 {out.matrices + begin * 128, out.counts + begin});
   });
 }
 

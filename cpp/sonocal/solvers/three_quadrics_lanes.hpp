@@ -357,7 +357,7 @@ SONOCAL_INLINE void append_roots(const Problem<Pack>& problem, const Polynomial<
   for (int first = 0; first < brackets.count; first += kWidth) {
     const int roots = brackets.count - first < kWidth ? brackets.count - first : kWidth;
     const PackMask lane = load(brackets.lane + first);
-    const Problem<Pack> own = deal(problem, lane);
+    const Problem<Pack> own = problems == 1 ? problem : deal(problem, lane);
     Polynomial<Pack, N> own_p;
     for (int i = 0; i <= N; ++i) own_p.c[i] = from_lanes(p.c[i], lane);
     const Pack x = root_in(own_p, load(brackets.low + first), load(brackets.high + first),

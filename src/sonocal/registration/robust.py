@@ -37,7 +37,7 @@ def fit_point_lines(
     sigma_mm: float | None = None,
     confidence: float = 0.99999,
     max_samples: int = 10_000,
-    exhaustive_samples: int = 2_000,
+    exhaustive_samples: int = 200,
     seed: int = 0,
 ) -> Fit:
     """The transform that most points agree with, refined on those that do.
