@@ -151,8 +151,8 @@ auto py_white_residuals(Points points, Segments segments, Codes sightings, Facto
     white = white_residuals(table, chosen.data(), transform_of(rotation, translation, scales), options);
   }
   const std::size_t count = white.row.size();
-  return std::make_tuple(to_numpy(white.jacobian), to_numpy(white.shift), to_numpy(white.residual),
-                         make_array(std::move(white.row), {count}));
+  return std::make_tuple(to_numpy(white.jacobian), to_numpy(white.shift), to_numpy(white.by_level),
+                         to_numpy(white.residual), make_array(std::move(white.row), {count}));
 }
 
 }  // namespace

@@ -380,6 +380,7 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
   out.jacobian.resize(count, kParameters);
   out.shift.resize(count, 3);
   out.residual.resize(count);
+  out.by_level.setZero(count, 2);
   out.row.reserve(count);
   std::vector<IndependentRow> independent;
   int to = 0;
@@ -390,8 +391,11 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
       noise.independent_rows(i, normalised, selector, 0.5, independent);
     for (const IndependentRow& row : independent)
       for (int k = 0; k < 2; ++k, ++to) {
-        const double weight =
-            1.0 / std::sqrt(alike ? 1.0 / (n.size * n.size) : a * row.alpha[k] + b * row.beta[k]);
+        const double variance = alike ? 1.0 / (n.size * n.size) : a * row.alpha[k] + b * row.beta[k];
+        const double weight = 1.0 / std::sqrt(variance);
+        if (!alike)
+          out.by_level.row(to) << row.alpha[k] / (n.image_size * n.image_size * variance),
+              row.beta[k] / (n.size * n.size * variance);
         out.residual[to] = weight * residual(row, k, s, normalised.translation);
         out.jacobian.row(to) = weight * residual_jacobian<kParameters>(row, k, s).transpose() * from_original;
         out.shift.row(to) = (weight * row.h / n.size) * row.normal[k].transpose();

@@ -58,7 +58,9 @@ Estimate refine_chosen(const Table& table, const bool* chosen, const Transform& 
 struct WhiteResiduals {
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian;  // M x k
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>
-      shift;                      // M x 3: derivative by a shift of the line
+      shift;  // M x 3: derivative by a shift of the line
+  // M x 2: derivative of the log of what was each residual's variance by the levels' squares, px^2 and mm^2.
+  Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> by_level;
   Eigen::VectorXd residual;       // M
   std::vector<std::int32_t> row;  // M: a table row of the sighting
 };

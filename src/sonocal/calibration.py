@@ -286,9 +286,12 @@ def calibrate(
         refuse_degenerate_lines(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension)
     refuse_free_motion(fit.least_information)
 
-    known = (sigma_px or rows.sigma_px is not None) and (sigma_mm or rows.sigma_mm is not None)
+    known = {
+        "known_px": bool(sigma_px) or rows.sigma_px is not None,
+        "known_mm": bool(sigma_mm) or rows.sigma_mm is not None,
+    }
     groupings, stretch = _groupings(table, rows.split, fit)
-    noise = estimate_noise(table, fit, groupings, levels_known=bool(known))
+    noise = estimate_noise(table, fit, groupings, **known)
     diagnostics = [
         *diagnose_fit(fit),
         *_diagnose_weakness(table, fit, noise, area, tolerance_mm),

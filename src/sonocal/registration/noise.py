@@ -12,6 +12,7 @@ from sonocal import _core
 from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows, transform_arrays
+from sonocal.registration.small_samples import small_sample_covariance
 
 __all__ = ["Noise", "estimate_noise", "residual_vectors", "stretch_length"]
 
@@ -30,7 +31,7 @@ class Noise:
         row_mm: of the distance to the line, from errors independent from row to row; NaN where no row is to
             spare.
         covariance: (k, k), of the tangent.
-        freedom: residuals to spare: what the estimate of the noise rests on.
+        freedom: as many residuals to spare would make a known weighting as sure as this covariance is.
         sigma_px: of an image point, px, where the weights are the likelihood's; else None.
         sigma_mm: of a segment's end point, mm; likewise.
         shared_mm: by grouping ("frame", "target", "stretch"), of an offset that all rows of a group share. A
@@ -51,7 +52,12 @@ def residual_vectors(transform: AxisScaled, points: Array, segments_mm: Array) -
 
 
 def estimate_noise(
-    rows: PointLineRows, fit: Fit, groupings: dict[str, NDArray[Any]], *, levels_known: bool = False
+    rows: PointLineRows,
+    fit: Fit,
+    groupings: dict[str, NDArray[Any]],
+    *,
+    known_px: bool = False,
+    known_mm: bool = False,
 ) -> Noise:
     """Noise of the rows and of their groups, and the tangent's covariance under it.
 
@@ -69,7 +75,9 @@ def estimate_noise(
         rows: points and lines.
         fit: of which only the agreeing rows count.
         groupings: by name: (N,) the group of each row.
-        levels_known: the noise levels were given: residuals smaller than they say do not shrink the covariance.
+        known_px: the image points' noise level was given. Residuals smaller than two given levels say do not
+            shrink the covariance; levels estimated from the same residuals make it larger and less sure.
+        known_mm: the segments' noise level was given; likewise.
 
     Returns:
         The noise and the covariance.
@@ -82,7 +90,7 @@ def estimate_noise(
     sigma_px, sigma_mm = (fit.sigma_px, fit.sigma_mm) if weighted else (None, None)
     if freedom <= 0:
         return Noise(np.nan, np.full((k, k), np.nan), 0, sigma_px, sigma_mm)
-    jacobian, shift, residual, sample_row = _core.white_residuals(
+    jacobian, shift, by_level, residual, sample_row = _core.white_residuals(
         rows.points,
         rows.segments_mm,
         rows.codes(),
@@ -107,16 +115,21 @@ def estimate_noise(
     }
     groups = {name: g for name, g in groups.items() if g.left.sum() > LEAST_SHARE_LEFT * g.weight.sum()}
     unit, shared = _variances(total, freedom, groups)
-    if levels_known:
-        unit = max(unit, 1.0)
-    covariance = unit * fit.covariance
+    if weighted and known_px and known_mm:
+        unit, of_levels = max(unit, 1.0), by_level[:, :0]
+    elif weighted:
+        of_levels = by_level[:, [not known_px, not known_mm]]
+    else:
+        of_levels = np.ones((len(residual), 1))
+    base, sure = small_sample_covariance(jacobian, fit.covariance, of_levels)
+    covariance = unit * base
     for name, variance in shared.items():
         pulled = fit.covariance @ groups[name].pull
         covariance = covariance + variance * (pulled @ pulled.T)
     squares = float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom
     row_mm = float(np.sqrt(squares * unit * freedom / total)) if total > 0 else 0.0
     shared_mm = {name: float(np.sqrt(variance)) for name, variance in shared.items()}
-    return Noise(row_mm, covariance, freedom, sigma_px, sigma_mm, shared_mm)
+    return Noise(row_mm, covariance, int(min(freedom, sure)), sigma_px, sigma_mm, shared_mm)
 
 
 def stretch_length(residuals: Array, frame: NDArray[np.int64]) -> int:
