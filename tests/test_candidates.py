@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import sonocal as sc
 from sonocal.candidates import calibrate_candidates, predicted_points
-from sonocal.cli import main
 from sonocal.contact_sheet import contact_sheet, png
 from sonocal.detection import Candidates, detect_points
 from sonocal.geometry import similarity_errors
@@ -95,39 +93,6 @@ def test_a_sweep_calibrates_with_nobody_clicking(sweep, written):
     assert found.used >= 0.9 * sweep.truth.clear.sum()
     assert found.calibration.diagnostics[-1].code == "images-used"
     np.testing.assert_array_equal(recording.frames[7], sweep.recording.frames[7])
-
-
-def test_the_command_writes_calibration_rows_and_contact_sheet(written, tmp_path):
-    done = CliRunner().invoke(
-        main, ["sweep", str(written[0]), "--lines", str(written[1]), "-o", str(tmp_path / "out")]
-    )
-    assert done.exit_code == 0, done.output
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
-        "calibration.json",
-        "contact-sheet.png",
-        "observations.csv",
-    ]
-    assert sc.load(tmp_path / "out" / "calibration.json").fit.inliers > 60
-    detected = CliRunner().invoke(
-        main, ["detect", str(written[0]), "--lines", str(written[1]), "-o", str(tmp_path / "c.csv")]
-    )
-    assert detected.exit_code == 0, detected.output
-    assert len(sc.read_observations(tmp_path / "c.csv")) > 120
-
-
-def test_a_recording_without_a_visible_needle_is_refused_and_its_contact_sheet_stays(tmp_path):
-    from sonocal.simulation.sweep_files import write_sweep
-
-    empty = simulate_sweep(
-        curvilinear(200, 200, 0.6), options=SweepOptions(frames=40, rate_hz=4, hidden_share=1.0)
-    )
-    paths = write_sweep(empty, tmp_path)
-    done = CliRunner().invoke(
-        main, ["sweep", str(paths[0]), "--lines", str(paths[1]), "-o", str(tmp_path / "out")]
-    )
-    assert done.exit_code == 1
-    assert "candidates in 40 images were tried" in done.output
-    assert [p.name for p in (tmp_path / "out").iterdir()] == ["contact-sheet.png"]
 
 
 def test_black_images_are_refused_in_one_sentence(sweep):

@@ -124,7 +124,11 @@ def test_a_known_failure_is_one_sentence_exit_1_and_writes_nothing(tmp_path):
         (["calibrate", "."], 1, "Error: .: is a directory"),
         (["calibrate", "a.csv", "--treshold-mm", "3"], 2, "No such option"),
         (["calibrate", "a.csv", "--image-size", "big"], 2, "'big' is not a size such as 640x480"),
-        (["export", "a.json", "--to", "stl", "-o", "b"], 2, "'stl' is not one of 'plus', 'json'"),
+        (
+            ["export", "a.json", "--to", "stl", "-o", "b"],
+            2,
+            "'stl' is not one of 'plus', 'itk', 'slicer', 'json'",
+        ),
         (["info", "nowhere"], 1, "Error: nowhere: there is no such file"),
     ],
 )
@@ -149,8 +153,13 @@ def test_info_of_something_else_says_what_it_reads(tmp_path):
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\0")
     result = run("info", tmp_path / "picture.png")
     assert result.exit_code == 1
-    assert result.stderr.startswith(
-        "Error: picture.png: is neither a calibration (JSON) nor a table of sightings (CSV): "
+    assert result.stderr == "Error: picture.png: is not an image that can be read (unknown kind)\n"
+    (tmp_path / "song.bin").write_bytes(b"la la\0la")
+    result = run("info", tmp_path / "song.bin")
+    assert result.exit_code == 1
+    assert result.stderr == (
+        "Error: song.bin: is not a recording that sonocal reads; it reads .mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, "
+        ".png, or a folder of images\n"
     )
 
 

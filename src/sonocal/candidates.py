@@ -94,7 +94,10 @@ def calibrate_candidates(
         calibration, chosen = _settle(table, calibration, threshold_mm, seed, options)
     observations = candidates_at(table.rows, chosen)
     used = len(np.unique(group_codes(observations.frame, observations.target)))
-    reasons = {"no candidate found": total - table.count, "no candidate near the needle": table.count - used}
+    reasons = {
+        "no candidate or no pose": total - table.count,
+        "no candidate near the needle": table.count - used,
+    }
     found = _report(used, total, reasons)
     calibration = replace(calibration, diagnostics=(*calibration.diagnostics, found))
     return CandidateCalibration(calibration, observations, first, total, used, reasons)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli_options import FILE, JSON, NO_REPORT, SCANNER, console, seed
 from sonocal.errors import InputError, UnsupportedError
 
 if TYPE_CHECKING:
@@ -32,12 +33,12 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
 
 
 @click.command()
-@click.argument("calibration", metavar="CALIBRATION", type=click.Path(path_type=Path))
-@click.argument("table", metavar="INPUT", type=click.Path(path_type=Path))
+@click.argument("calibration", metavar="CALIBRATION", type=FILE)
+@click.argument("table", metavar="INPUT", type=FILE)
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Folder for report.html.  [default: CALIBRATION's]",
 )
 @click.option("--split", metavar="NAME", help="Take the rows of this split as held out.")
@@ -49,17 +50,11 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
     multiple=True,
     help="Targets of an N, for PLUS's error; once for each N.",
 )
-@click.option("--compare", type=click.Path(path_type=Path), metavar="OTHER", help="Another calibration.json.")
-@click.option(
-    "--scanner-mm-per-px", type=click.FloatRange(0, min_open=True), help="What the scanner says, to compare."
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the resampling.")
-@click.option(
-    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no report.html."
-)
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout instead of tables."
-)
+@click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration.json.")
+@SCANNER
+@seed("the resampling")
+@NO_REPORT
+@JSON
 def validate(
     calibration: Path,
     table: Path,
@@ -163,13 +158,11 @@ def _compared(first: Calibration, second: Calibration) -> Comparison:
 
 
 def _print(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> None:
-    from rich.console import Console
-
     from sonocal.terminal_validation import print_validation
 
     if not numbers.quantities and not numbers.diagnostics:
         raise InputError(f"{numbers.source}: gives no number; it needs held-out rows, places or poses")
-    print_validation(Console(highlight=False), calibration, numbers, comparison)
+    print_validation(console(), calibration, numbers, comparison)
 
 
 def _json(numbers: Validation, comparison: Comparison | None) -> str:

@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal.calibration import Calibration, calibrate
 from sonocal.candidates import CandidateCalibration, calibrate_candidates, predicted_points
 from sonocal.detection import Candidates, PointDetector, detect_lines, detect_points, find_mask
-from sonocal.detection.points import LEAST_SCORE, Progress
+from sonocal.detection.points import LEAST_SCORE, Centre, Progress
 from sonocal.errors import InputError, NoConsensusError
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
-from sonocal.recording import Line, Recording
+from sonocal.recording import Line, Recording, health
 from sonocal.recording.poses import OnInvalid
 from sonocal.sightings import Detections, observations_from_recording
 
-__all__ = ["calibrate_recording", "candidate_observations", "line_observations"]
+__all__ = ["calibrate_points", "calibrate_recording", "candidate_observations", "line_observations"]
 
 Fixed = Mapping[tuple[str, str], ArrayLike] | None
 
@@ -72,6 +73,7 @@ def calibrate_recording(
     *,
     count: int = 5,
     mask: NDArray[np.bool_] | None = None,
+    centre: Centre = "head",
     probe: str = "Probe",
     fixed: Fixed = None,
     latency_s: float = 0.0,
@@ -89,6 +91,7 @@ def calibrate_recording(
         lines: the needles and wires, see `read_lines`.
         count: candidates an image.
         mask: where to look; default: found from the recording.
+        centre: "head" or "mass", see `PointDetector`.
         probe: the tool that the probe's marker is called.
         fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
         latency_s: how much later the tracker stamps an instant than the images do.
@@ -117,17 +120,80 @@ def calibrate_recording(
             progress=progress,
         )
         total = int(recording.image_valid.sum()) * len(lines)
-        return calibrate_candidates(table, sightings=total, threshold_mm=threshold_mm, **options)
+        found = calibrate_candidates(table, sightings=total, threshold_mm=threshold_mm, **options)
+        return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
     mask = find_mask(recording.frames) if mask is None else mask
-    candidates = candidates or detect_points(recording, count=count, mask=mask, progress=progress)
+    candidates = candidates or detect_points(
+        recording, count=count, mask=mask, centre=centre, progress=progress
+    )
     table = candidate_observations(
         recording, lines, candidates, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
     )
-    again = _SecondLook(recording, mask, table) if second_look else None
+    again = _SecondLook(recording, mask, centre, table) if second_look else None
     total = candidates.frames * len(lines)
-    return calibrate_candidates(
+    found = calibrate_candidates(
         table, sightings=total, look_again=again, threshold_mm=threshold_mm, **options
     )
+    return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
+
+
+def calibrate_points(
+    recording: Recording,
+    lines: Sequence[Line],
+    detections: Detections,
+    *,
+    probe: str = "Probe",
+    fixed: Fixed = None,
+    latency_s: float = 0.0,
+    on_invalid: OnInvalid = "raise",
+    **options: Any,
+) -> tuple[Calibration, Observations]:
+    """Calibrate a probe from a recording and points that were found in its images by other means.
+
+    Args:
+        recording: poses, and images that need not be decoded.
+        lines: the needles and wires, see `read_lines`.
+        detections: the points, see `read_detections`.
+        probe: the tool that the probe's marker is called.
+        fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
+        latency_s: how much later the tracker stamps an instant than the images do.
+        on_invalid: what to do with poses marked valid that are not rigid.
+        options: of `sonocal.calibrate`.
+
+    Returns:
+        The calibration, and the table of sightings that it was fitted to.
+
+    Raises:
+        InputError: a point belongs to no line or frame, or nothing connects a line to the probe.
+        DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
+    """
+    sightings = observations_from_recording(
+        recording, lines, detections, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
+    )
+    if recording.image is not None:
+        options.setdefault("image_size_px", recording.image.size_px)
+    found = calibrate(sightings.observations, **options)
+    found = replace(found, diagnostics=(*found.diagnostics, *sightings.diagnostics))
+    return _as_recorded(found, recording, lines, probe, latency_s), sightings.observations
+
+
+def _as_recorded(
+    calibration: Calibration,
+    recording: Recording,
+    lines: Sequence[Line],
+    probe: str,
+    latency_s: float,
+) -> Calibration:
+    """The calibration with the latency it was made with, and with what is wrong with the recording.
+
+    Of the recording's tools, those that took part.
+    """
+    tools = {probe.lower(), *(line.frame.lower() for line in lines)}
+    poses = {name: one for name, one in recording.poses.items() if one.source.lower() in tools}
+    noticed = health(replace(recording, poses=poses), look_at_images=False)
+    worth = [one for one in noticed if one.severity == "warning" or one in recording.diagnostics]
+    merged = sorted([*calibration.diagnostics, *worth], key=lambda one: one.severity != "warning")
+    return replace(calibration, diagnostics=tuple(merged), latency_s=latency_s or calibration.latency_s)
 
 
 def line_observations(
@@ -188,9 +254,11 @@ def _no_candidates(name: str, images: int) -> NoConsensusError:
 class _SecondLook:
     """Fainter candidates near where the needles must be, in images whose first ones were elsewhere."""
 
-    def __init__(self, recording: Recording, mask: NDArray[np.bool_], table: Observations) -> None:
+    def __init__(
+        self, recording: Recording, mask: NDArray[np.bool_], centre: Centre, table: Observations
+    ) -> None:
         self._recording, self._table = recording, table
-        self._detector = PointDetector(mask, MANY, least_score=FAINT_SHARE * LEAST_SCORE)
+        self._detector = PointDetector(mask, MANY, centre=centre, least_score=FAINT_SHARE * LEAST_SCORE)
 
     def __call__(self, probe_from_image: AxisScaled, threshold_mm: float) -> Observations:
         table = self._table

@@ -100,7 +100,10 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
             "a.csv: has no columns of poses; name them ProbeToTrackerTransform, Probe_m00 to Probe_m33, or "
             "Probe_qw, Probe_qx, Probe_qy, Probe_qz, Probe_x, Probe_y, Probe_z",
         ),
-        ("t,qw,qx,qy,qz,x,y,z\n0,1,0,0,zero,1,2,3\n", "a.csv, line 2, column qz: 'zero' is not a number"),
+        (
+            "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,zero,1,2,3\n",
+            "a.csv, line 2, column qz: 'zero' is not a number; write a decimal number such as 12.5",
+        ),
         ("t,qw,qx,qy,qz,x,y\n0,1,0,0,0,1,2\n", "a.csv, line 1: lacks the column z beside x"),
         (
             "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,1,1,2,3\n",
@@ -110,8 +113,8 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
             "t,ProbeToTrackerTransform\n0,1 2 3\n",
             "a.csv, line 2, column ProbeToTrackerTransform: '1 2 3' is not 16 numbers",
         ),
-        ("t,qw\n0\n", "a.csv, line 2: has 1 cells where the header has 2"),
-        ("t,qw\n", "a.csv: has 1 lines; a table needs a header and a row"),
+        ("t,qw\n0\n", "a.csv, line 2: has 1 cells where the header has 2; quote cells that hold a comma"),
+        ("t,qw\n", "a.csv: has a header but no rows; write one row an instant"),
         ("nan,qw\n0,1\n", "a.csv, line 1: lacks the column qx beside qw"),
     ],
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files import read_at
 from sonocal.recording.dicom import read_dicom
-from sonocal.recording.image_folder import STAMPS, read_image_folder
+from sonocal.recording.image_folder import STAMPS, is_image, read_image_file, read_image_folder
 from sonocal.recording.metaio import read_metaio
 from sonocal.recording.metaio_write import write_metaio
 from sonocal.recording.model import Recording
@@ -21,7 +21,7 @@ from sonocal.recording.video import read_video
 __all__ = ["read_recording", "write_recording"]
 
 HEAD = 4096
-KNOWN = ".mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, or a folder of images"
+KNOWN = ".mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, .png, or a folder of images"
 
 
 def read_recording(path: str | Path, poses: str | Path | None = None, latency_s: float = 0.0) -> Recording:
@@ -74,6 +74,8 @@ def _read_file(path: Path) -> Recording:
         return read_dicom(path)
     if head[4:8] == b"ftyp" or head.startswith((b"\x1a\x45\xdf\xa3", b"RIFF")):
         return read_video(path)
+    if is_image(head):
+        return read_image_file(path)
     return _read_text_file(path, head)
 
 
@@ -95,7 +97,7 @@ def _poses_beside(path: Path) -> Path | None:
         tables = [p for p in sorted(path.glob("*.csv")) if p.name != STAMPS]
         if len(tables) > 1:
             names = ", ".join(p.name for p in tables)
-            raise InputError(f"{path.name}: holds several tables ({names}); name the poses' one")
+            raise InputError(f"{path.resolve().name}: holds several tables ({names}); name the poses' one")
         return tables[0] if tables else None
     table = path.with_suffix(".csv")
     video = path.suffix.lower() in (".mp4", ".mkv", ".avi", ".mov")
