@@ -154,23 +154,13 @@ def test_a_latency_is_undone_and_kept(tmp_path):
     sweep = simulate_sweep(curvilinear(250, 250, 0.48), BATH, options)
     paths = write_sweep(sweep, tmp_path)
     points = points_csv(sweep, tmp_path / "points.csv")
-    out = tmp_path / "out"
-    run(
-        "calibrate",
-        paths[0],
-        "--lines",
-        paths[1],
-        "--points",
-        points,
-        "-o",
-        out,
-        "--latency",
-        "0.1",
-        "--no-report",
-    )
-    found = sc.load(out / "calibration.json")
-    assert found.latency_s == 0.1
-    assert missed(found, sweep) < 0.6
+    arguments = ("calibrate", paths[0], "--lines", paths[1], "--points", points, "--no-report")
+    run(*arguments, "-o", tmp_path / "right", "--latency", "0.1")
+    run(*arguments, "-o", tmp_path / "wrong")
+    right, wrong = (sc.load(tmp_path / name / "calibration.json") for name in ("right", "wrong"))
+    assert (right.latency_s, wrong.latency_s) == (0.1, None)
+    assert missed(right, sweep) < 0.6
+    assert right.fit.rms_mm < 0.5 * wrong.fit.rms_mm
 
 
 def test_a_recording_without_a_visible_needle_is_refused_and_its_contact_sheet_stays(tmp_path):
