@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -61,18 +61,21 @@ def put_into_device_set(
 
     Raises:
         FormatError: it is not XML in UTF-8, or declares a document type.
-        InputError: it is another XML document, holds the transform twice, or holds its inverse.
+        InputError: it is another XML document, holds the transform twice, or connects the two frames otherwise.
     """
     start = len(BOM) if content.startswith(BOM) else 0
     body = content[start:]
     there = _look(body, name)
     if there.name != PLACE[0]:
         raise InputError(f"{name}: its root is <{there.name[:40]}> where a PLUS device set has <{PLACE[0]}>")
-    if (probe, image) in there.transforms:
-        raise InputError(f"{name}: defines {probe}To{image}, the inverse of what is put in; delete it first")
     same = there.transforms.get((image, probe), [])
     if len(same) > 1:
         raise InputError(f"{name}: defines {image}To{probe} {len(same)} times; delete all but one")
+    if _connected([pair for pair in there.transforms if pair != (image, probe)], image, probe):
+        raise InputError(
+            f"{name}: leads from {image} to {probe} by other transforms already; PLUS allows one way between two "
+            "frames, so delete one of them"
+        )
     values = _values(calibration)
     if same:
         edited = _replaced(body, same[0], values)
@@ -144,6 +147,15 @@ def _look(body: bytes, name: str) -> _Found:
     except expat.ExpatError as error:
         raise FormatError(f"{name}: is not XML ({error})") from None
     return found
+
+
+def _connected(pairs: Iterable[tuple[str, str]], first: str, second: str) -> bool:
+    """Whether transforms lead from one frame to another, whichever way each is given."""
+    reached, before = {first}, 0
+    while len(reached) > before:
+        before = len(reached)
+        reached |= {frame for pair in pairs if reached & set(pair) for frame in pair}
+    return second in reached
 
 
 def _replaced(body: bytes, start: int, values: Mapping[str, str]) -> bytes:
