@@ -127,7 +127,7 @@ def parse_calibration(content: bytes, name: str) -> Calibration:
     """The calibration in the content of its file; `name` is what messages call it. Raises as `load_calibration`."""
     try:
         head = msgspec.json.decode(content, type=dict[str, Any])
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FormatError(f"{name}: is not a calibration file ({error}); name the calibration.json") from None
     if head.get("format") != FORMAT:
         raise FormatError(f"{name}: is JSON but not a calibration; its format is {head.get('format')!r}")
