@@ -3,7 +3,7 @@
     python -m benchmarks.pivot
 
 481 poses of LSQRRecipes (../shared/data/pivot). Its test holds two answers: one from three poses alone (the first, the
-middle and the last), which is what its data sheet quotes as the reference, and least squares over all of them.
+middle and the last), which the data folder names as the reference, and least squares over all of them.
 """
 
 from __future__ import annotations
