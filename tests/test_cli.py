@@ -221,6 +221,14 @@ def test_a_real_process_calibrates_and_refuses(table, tmp_path):
     assert process("--version").stdout == f"sonocal, version {sc.__version__}\n"
 
 
+@pytest.mark.parametrize("command", ["", *main.commands])
+def test_help_fits_the_terminal_and_keeps_its_lines(command):
+    shown = run(*filter(None, [command]), "--help")
+    assert shown.exit_code == 0
+    assert "\\b" not in shown.output
+    assert max(map(len, shown.output.splitlines())) <= 80
+
+
 def test_a_bug_keeps_its_traceback(monkeypatch, table):
     def broken(*_, **__):
         raise RuntimeError("a bug")

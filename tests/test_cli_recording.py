@@ -456,7 +456,7 @@ def test_info_says_what_is_wrong_first(tmp_path):
     )
     write_recording(bad, tmp_path / "a.igs.mha")
     done = run("info", tmp_path / "a.igs.mha", width=200)
-    assert done.output.startswith("warning gaps\n  1 gaps are longer than 4 usual intervals of 50 ms")
+    assert done.output.startswith("warning gaps\n  1 gap is longer than 4 usual intervals of 50 ms")
     for code in (
         "warning invalid-poses",
         "warning frozen-images",

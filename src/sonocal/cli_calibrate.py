@@ -113,7 +113,7 @@ def calibrate(
     as_json: bool,
     **options: Any,
 ) -> None:
-    r"""Calibrate from a table of sightings (CSV), or from a recording.
+    """Calibrate from a table of sightings (CSV), or from a recording.
 
     \b
     INPUT is one of
@@ -126,7 +126,7 @@ def calibrate(
       a recording, with --lines and --points: the points are given.
 
     From a recording, observations.csv is written too: the sightings that the calibration rests on.
-    """
+    """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.calibration_file import calibration_json
     from sonocal.cli_validation import checked, report_files
     from sonocal.files import write_into_folder

@@ -36,7 +36,7 @@ __all__ = ["export"]
 def export(  # noqa: PLR0917 - one argument an option
     calibration: Path, form: str, output: Path, into: Path | None, image: str, probe: str
 ) -> None:
-    r"""Write a calibration (calibration.json) for other software.
+    """Write a calibration (calibration.json) for other software.
 
     \b
     plus    a device set (XML) whose ImageToProbe transform is the calibration;
@@ -44,7 +44,7 @@ def export(  # noqa: PLR0917 - one argument an option
     itk     an affine transform, .tfm or .h5, that maps pixels to mm as we do
     slicer  the same for 3D Slicer: in LPS, and the inverse, as its files are
     json    the calibration file, brought up to date
-    """
+    """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.calibration_file import load_calibration
     from sonocal.files import write_atomically
 

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from sonocal.cli_options import FILE, JSON, console, progress
+from sonocal.errors import InputError
 
 __all__ = ["info"]
 
@@ -68,6 +69,13 @@ def _observations(file: Path) -> Shown:
     return observation_splits(found), lambda: print_observations(console(), found)
 
 
+def _unknown_table(file: Path) -> Shown:
+    raise InputError(
+        f"{file.name}: is text that sonocal does not know; it reads tables of sightings (with x0_mm ... z1_mm), points "
+        "(u_px, v_px) and poses (Probe_qw, ...), recordings, calibrations, needles (.toml) and PLUS device sets"
+    )
+
+
 def _points(file: Path) -> Shown:
     from sonocal.sightings import read_detections
     from sonocal.terminal_recording import print_points
@@ -109,5 +117,5 @@ _READERS: dict[str, Callable[[Path], Shown]] = {
     "lines": _lines,
     "observations": _observations,
     "points": _points,
-    "table": _observations,
+    "table": _unknown_table,
 }

@@ -77,12 +77,12 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 @seed("the random triples of poses")
 @JSON
 def tool(recording: Path | None, *, output: Path | None, as_json: bool, **options: Any) -> None:
-    r"""Calibrate a tracked tool: where its tip and its shaft are in its marker's frame.
+    """Calibrate a tracked tool: where its tip and its shaft are in its marker's frame.
 
     \b
     RECORDING                          a pivot about the resting tip: the tip
     --spin SPIN                        the tool spun about its shaft: the axis
-    RECORDING --spin SPIN              both: the needle, from the tip along the axis
+    RECORDING --spin SPIN              both: the needle, from its tip
     RECORDING --second OTHER           two pivots: the needle through both points
     RECORDING --second OTHER --stylus  two touches with a calibrated stylus
 
@@ -90,11 +90,11 @@ def tool(recording: Path | None, *, output: Path | None, as_json: bool, **option
     Examples:
       sonocal tool pivot.igs.mha --tool Stylus -o stylus.toml
       sonocal tool pivot.igs.mha --spin spin.igs.mha --tool Needle -o needle.toml
-      sonocal tool touch.igs.mha --frames 0:40 --second-frames 90:130 \
+      sonocal tool touch.igs.mha --frames 0:40 --second-frames 90:130
         --tool Needle --stylus Stylus --stylus-tip stylus.toml -o needle.toml
 
     A needle is written as a [[line]], which "sonocal calibrate --lines" reads; a tip alone as a [[point]].
-    """
+    """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.files import write_atomically
     from sonocal.terminal_recording import print_tool
     from sonocal.tool_calibration import calibrate_tool, tool_toml

@@ -66,7 +66,7 @@ def validate(
     as_json: bool,
     **options: Any,
 ) -> None:
-    r"""How far off is a calibration (calibration.json), on a table of sightings or points (CSV)?
+    """How far off is a calibration (calibration.json), on a table of sightings or points (CSV)?
 
     \b
     INPUT is one of
@@ -76,7 +76,7 @@ def validate(
       points, with u_px, v_px and x_mm, y_mm, z_mm (where the point is known to
         be) or probe_00 ... probe_23 (the probe's pose): projection
         reconstruction accuracy, spread at a fixed cross-wire.
-    """
+    """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.calibration_file import load_calibration
     from sonocal.files import read_bytes, write_into_folder
 

@@ -135,9 +135,10 @@ def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
     gaps = np.flatnonzero(steps > GAP_FACTOR * usual) if usual > 0 else np.empty(0, dtype=np.int64)
     if len(gaps):
         widest = int(gaps[np.argmax(steps[gaps])])
+        what = "gap is" if len(gaps) == 1 else "gaps are"
         yield _warning(
             "gaps",
-            f"{len(gaps)} gaps are longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
+            f"{len(gaps)} {what} longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
             f"{1000 * steps[widest]:.0f} ms after frame {widest}",
             "poses are not interpolated across long gaps; check the recorder's load",
         )
