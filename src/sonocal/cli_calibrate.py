@@ -70,7 +70,7 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
     type=Threshold(),
     default=5.0,
     show_default=True,
-    help='Rows further than this from their line are outliers; "auto": from the noise.',
+    help='Rows further than this from their line are outliers; "auto": from the noise. Less where wires are near.',
 )
 @click.option(
     "--weighting",
@@ -152,25 +152,25 @@ def calibrate(
 Found = tuple["Observations", "Calibration", dict[str, bytes]]
 
 
+def _typed(names: tuple[str, ...]) -> list[str]:
+    """The options, of some, that stand on the command line."""
+    context, typed = click.get_current_context(), click.core.ParameterSource.COMMANDLINE
+    return [
+        option.opts[0]
+        for option in context.command.params
+        if option.name in names and context.get_parameter_source(option.name) is typed
+    ]
+
+
 def _refuse_mixture(*, recording: bool, given: bool) -> None:
     """Options that would do nothing are a mistake."""
-    context = click.get_current_context()
-
-    def typed(names: tuple[str, ...]) -> list[str]:
-        asked = click.core.ParameterSource.COMMANDLINE
-        return [
-            p.opts[0]
-            for p in context.command.params
-            if p.name in names and context.get_parameter_source(p.name) is asked
-        ]
-
-    if not recording and (names := typed(OF_RECORDINGS)):
+    if not recording and (names := _typed(OF_RECORDINGS)):
         raise click.UsageError(f"{names[0]} is for recordings; give their needle or wires with --lines")
-    if recording and (names := typed(OF_TABLES)):
+    if recording and (names := _typed(OF_TABLES)):
         raise click.UsageError(f"{names[0]} is for tables; a recording has no splits")
-    if given and (names := typed(OF_DETECTION)):
+    if given and (names := _typed(OF_DETECTION)):
         raise click.UsageError(f"{names[0]} is for detection; with --points nothing is detected")
-    if recording and not given and context.params["threshold_mm"] == "auto":
+    if recording and not given and click.get_current_context().params["threshold_mm"] == "auto":
         raise click.UsageError("--threshold-mm auto is for tables and --points; detection needs a number")
 
 
@@ -240,6 +240,8 @@ def _detected(
 
     flat = recording.image is not None and recording.image.dimension == 2
     sheet = _Sheet(recording, output) if flat else None
+    if not _typed(("threshold_mm",)):
+        options.pop("threshold_mm")  # lines that are close to one another ask for less
     with progress("detecting") as report:
         if sheet is not None:
             options |= sheet.detect(recorded, report)

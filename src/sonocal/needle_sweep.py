@@ -27,6 +27,10 @@ Fixed = Mapping[tuple[str, str], ArrayLike] | None
 FAINT_SHARE = 0.5
 """Of the detection's least score: near where the needle must be, a fainter place will do."""
 MANY = 25
+THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
+SPACING_SHARE = 0.2
+"""Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
+LINE_SAMPLES = 64
 
 
 def candidate_observations(
@@ -81,7 +85,7 @@ def calibrate_recording(
     second_look: bool = True,
     progress: Progress | None = None,
     candidates: Candidates | None = None,
-    threshold_mm: float = 5.0,
+    threshold_mm: float | None = None,
     **options: Any,
 ) -> CandidateCalibration:
     """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
@@ -99,7 +103,8 @@ def calibrate_recording(
         second_look: look again near where the calibrated needle must be.
         progress: called with how many images are done and how many there are.
         candidates: what `detect_points` found, where that was done before.
-        threshold_mm: candidates further than this from their needle are wrong.
+        threshold_mm: candidates further than this from their needle are wrong; default: 5, or a fifth of the
+            distance between lines of one frame, so that they are not taken for one another.
         options: of `sonocal.calibrate`.
 
     Raises:
@@ -109,6 +114,7 @@ def calibrate_recording(
     if recording.image is None or len(recording.frames) == 0:
         raise InputError(f"{recording.name}: has no images to look for a needle in; record images too")
     options.setdefault("image_size_px", recording.image.size_px)
+    threshold_mm = _telling_threshold(lines) if threshold_mm is None else threshold_mm
     if recording.image.dimension == 3:
         table = line_observations(
             recording,
@@ -196,6 +202,19 @@ def _as_recorded(
     return replace(calibration, diagnostics=tuple(merged), latency_s=latency_s or calibration.latency_s)
 
 
+def _telling_threshold(lines: Sequence[Line]) -> float:
+    """Millimetres within which a candidate belongs to one line and not to its neighbour."""
+    steps = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
+    sampled = [line.segment_mm[0] + steps * (line.segment_mm[1] - line.segment_mm[0]) for line in lines]
+    apart = [
+        float(np.linalg.norm(sampled[i][:, None] - sampled[j], axis=-1).min())
+        for i in range(len(lines))
+        for j in range(i)
+        if lines[i].frame == lines[j].frame
+    ]
+    return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_THRESHOLD_MM, THRESHOLD_MM))
+
+
 def line_observations(
     recording: Recording,
     lines: Sequence[Line],
@@ -259,17 +278,18 @@ class _SecondLook:
     ) -> None:
         self._recording, self._table = recording, table
         self._detector = PointDetector(mask, MANY, centre=centre, least_score=FAINT_SHARE * LEAST_SCORE)
+        self._last: tuple[int, Array, Array] | None = None
 
     def __call__(self, probe_from_image: AxisScaled, threshold_mm: float) -> Observations:
-        table = self._table
-        _, first = np.unique(table.sightings, return_index=True)
+        table, sightings = self._table, self._table.sightings
+        _, first = np.unique(sightings, return_index=True)
         expected = predicted_points(probe_from_image, table.segments_mm)
         scale = float(probe_from_image.scales.mean())
         off = np.linalg.norm(table.points_px - expected, axis=1) * scale
-        near = set(table.sightings[off <= threshold_mm].tolist())
+        near = set(sightings[off <= threshold_mm].tolist())
         parts = [table]
         for row in first:
-            if int(table.sightings[row]) not in near and self._inside(expected[row]):
+            if int(sightings[row]) not in near and self._inside(expected[row]):
                 parts.append(self._look(int(row), expected[row], threshold_mm / scale))
         return _stacked([part for part in parts if len(part)])
 
@@ -281,11 +301,18 @@ class _SecondLook:
 
     def _look(self, row: int, place: Array, reach_px: float) -> Observations:
         frame = int(self._table.frame[row])
-        points, covariances, _ = self._detector.detect(self._recording.frames[frame])
+        points, covariances = self._found(frame)
         near = np.flatnonzero(np.linalg.norm(points - place, axis=1) <= reach_px)
         like = self._table.select(np.full(len(near), row))
         sigma = np.sqrt(np.trace(covariances[near], axis1=1, axis2=2) / 2)
         return replace(like, points_px=points[near], sigma_px=sigma)
+
+    def _found(self, frame: int) -> tuple[Array, Array]:
+        """What is in an image, whose wires follow one another."""
+        if self._last is None or self._last[0] != frame:
+            points, covariances, _ = self._detector.detect(self._recording.frames[frame])
+            self._last = frame, points, covariances
+        return self._last[1:]
 
 
 def _stacked(tables: Sequence[Observations]) -> Observations:
