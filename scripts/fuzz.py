@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import argparse
 import gc
+import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
 
@@ -28,34 +28,36 @@ LIMITS = [
     "-print_final_stats=1",
 ]
 
-Target = Callable[[bytes], None]
-
 
 def main() -> int:
     """Fuzz the readers asked for, one after the other; the number of those that failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("readers", nargs="*", help="default: all")
     parser.add_argument("--seconds", type=int, default=60, help="for each reader")
-    parser.add_argument("--one", help=argparse.SUPPRESS)
+    parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     sys.path.insert(0, str(ROOT))
-    if arguments.one:
-        fuzz(arguments.one, arguments.seconds)
+    if arguments.folder:
+        fuzz(arguments.readers[0], arguments.seconds, arguments.folder)
         return 0
     from tests.readers import READERS
 
-    failed = [
-        name
-        for name in arguments.readers or READERS
-        if subprocess.run(
-            [sys.executable, __file__, "--one", name, "--seconds", str(arguments.seconds)], check=False
-        ).returncode
-    ]
+    failed = [name for name in arguments.readers or READERS if not passes(name, arguments.seconds)]
     print(f"failed: {', '.join(failed)}" if failed else "only sentences came out")
     return len(failed)
 
 
-def fuzz(name: str, seconds: int) -> None:
+def passes(name: str, seconds: int) -> bool:
+    """Whether a reader survives; what broke it stays in its folder."""
+    folder = Path(tempfile.mkdtemp(prefix=f"fuzz-{name}-"))
+    command = [sys.executable, __file__, name, "--seconds", str(seconds), "--folder", str(folder)]
+    survived = subprocess.run(command, check=False).returncode == 0
+    if survived:
+        shutil.rmtree(folder)
+    return survived
+
+
+def fuzz(name: str, seconds: int, folder: Path) -> None:
     """Fuzz one reader; does not return."""
     import atheris
     from tests.readers import READERS, sound_files
@@ -66,7 +68,6 @@ def fuzz(name: str, seconds: int) -> None:
     for function in gc.get_objects():
         if isinstance(function, FunctionType) and str(function.__module__).startswith("sonocal."):
             atheris.instrument_func(function)
-    folder = Path(tempfile.mkdtemp(prefix=f"fuzz-{name}-"))
     seeds = folder / "seeds"
     seeds.mkdir()
     for i, content in enumerate(sound_files(name)):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -33,10 +33,13 @@ from sonocal.errors import InputError, SonocalError
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.observations import Observations
+    from sonocal.recording import Line, Recording
+    from sonocal.report import FrameImage
 
 __all__ = ["calibrate"]
 
 TABLE, SHEET = "observations.csv", "contact-sheet.png"
+MOST_PICTURES = 12
 OF_TABLES = ("fit_split", "test_split")
 OF_DETECTION = ("count", "centre", "mask")
 OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETECTION)
@@ -135,12 +138,14 @@ def calibrate(
     _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
     recorded = {name: options.pop(name) for name in OF_RECORDINGS}
     if lines is None:
-        rows, found, files = _from_table(source, options)
+        result = _from_table(source, options)
     else:
-        rows, found, files = _from_recording(source, lines, output, recorded, options)
-    found = checked(found, rows, scanner_mm_per_px=scanner_mm_per_px)
+        result = _from_recording(source, lines, output, recorded, options)
+    found = checked(result.calibration, result.rows, scanner_mm_per_px=scanner_mm_per_px)
     content = calibration_json(found)
-    files = {"calibration.json": content, **files, **(report_files(found, rows) if report else {})}
+    files = {"calibration.json": content, **result.files}
+    if report:
+        files |= report_files(found, result.rows, frames=_pictures(result))
     write_into_folder(output, files)
     if as_json:
         click.echo(content, nl=False)
@@ -149,7 +154,13 @@ def calibrate(
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
 
 
-Found = tuple["Observations", "Calibration", dict[str, bytes]]
+class _Result(NamedTuple):
+    """A calibration, the rows it rests on, and what is written beside it."""
+
+    rows: Observations
+    calibration: Calibration
+    files: dict[str, bytes]
+    recording: Recording | None = None
 
 
 def _typed(names: tuple[str, ...]) -> list[str]:
@@ -174,7 +185,7 @@ def _refuse_mixture(*, recording: bool, given: bool) -> None:
         raise click.UsageError("--threshold-mm auto is for tables and --points; detection needs a number")
 
 
-def _from_table(source: Path, options: dict[str, Any]) -> Found:
+def _from_table(source: Path, options: dict[str, Any]) -> _Result:
     import sonocal
     from sonocal.contents import kind_of
 
@@ -191,12 +202,12 @@ def _from_table(source: Path, options: dict[str, Any]) -> Found:
             f"{source.name}: is a file of kind {kind!r}; give a table of sightings (CSV), or a recording with --lines"
         )
     rows = sonocal.read_observations(source)
-    return rows, sonocal.calibrate(rows, **options), {}
+    return _Result(rows, sonocal.calibrate(rows, **options), {})
 
 
 def _from_recording(
     source: Path, lines: Path, output: Path, recorded: dict[str, Any], options: dict[str, Any]
-) -> Found:
+) -> _Result:
     from sonocal.contents import kind_of
     from sonocal.observations import observations_csv, parse_observations
     from sonocal.recording import read_lines, read_recording
@@ -210,31 +221,36 @@ def _from_recording(
     options = {name: value for name, value in options.items() if value is not None} | {"fixed": fixed}
     options |= {name: recorded[name] for name in ("probe", "latency_s", "on_invalid")}
     if points is not None:
-        rows, found, files = _given(recording, known, points, options)
+        result = _given(recording, known, points, options)
     else:
-        rows, found, files = _detected(recording, known, output, recorded, options)
-    table = observations_csv(rows)
+        result = _detected(recording, known, output, recorded, options)
+    table = observations_csv(result.rows)
     rows = parse_observations(table, TABLE)  # as validation will read it: with its name and digest
     inputs = {
         "recording": source,
         "lines": lines,
         **{name: recorded.pop(name) for name in ("points", "poses", "mask")},
     }
-    return rows, _with_provenance(found, rows, inputs, recorded), {TABLE: table, **files}
+    found = _with_provenance(result.calibration, rows, inputs, recorded)
+    return _Result(rows, found, {TABLE: table, **result.files}, recording)
 
 
-def _given(recording: Any, lines: Any, points: Path, options: dict[str, Any]) -> Found:
+def _given(recording: Recording, lines: Sequence[Line], points: Path, options: dict[str, Any]) -> _Result:
     """Calibrate on the points of a table."""
     from sonocal.needle_sweep import calibrate_points
     from sonocal.sightings import read_detections
 
     found, rows = calibrate_points(recording, lines, read_detections(points), **options)
-    return rows, found, {}
+    return _Result(rows, found, {})
 
 
 def _detected(
-    recording: Any, lines: Any, output: Path, recorded: dict[str, Any], options: dict[str, Any]
-) -> Found:
+    recording: Recording,
+    lines: Sequence[Line],
+    output: Path,
+    recorded: dict[str, Any],
+    options: dict[str, Any],
+) -> _Result:
     """Find the needle in the images, and calibrate on the candidates that agree."""
     from sonocal.needle_sweep import calibrate_recording
 
@@ -245,10 +261,8 @@ def _detected(
     with progress("detecting") as report:
         if sheet is not None:
             options |= sheet.detect(recorded, report)
-        elif recorded["mask"] is not None:
-            raise InputError(
-                f"{recording.name}: has volumes, whose lines are found without a mask; leave out --mask"
-            )
+        else:
+            options |= _of_volumes(recording, recorded)
         try:
             found = calibrate_recording(recording, lines, progress=report, **options)
         except SonocalError:
@@ -256,13 +270,22 @@ def _detected(
                 sheet.write()
             raise
     rows = found.observations
-    return rows, found.calibration, {} if sheet is None else {SHEET: sheet.png(rows)}
+    return _Result(rows, found.calibration, {} if sheet is None else {SHEET: sheet.png(rows)})
+
+
+def _of_volumes(recording: Recording, recorded: dict[str, Any]) -> dict[str, Any]:
+    """The detection options of 3D probes."""
+    if names := _typed(("mask", "centre")):
+        raise InputError(
+            f"{recording.name}: has no 2D images; lines in volumes are found without {names[0]}, leave it out"
+        )
+    return {"count": recorded["count"]} if _typed(("count",)) else {}
 
 
 class _Sheet:
     """The candidates of a recording's images, and the sheet that shows them."""
 
-    def __init__(self, recording: Any, output: Path) -> None:
+    def __init__(self, recording: Recording, output: Path) -> None:
         self._recording, self._output = recording, output
 
     def detect(self, recorded: dict[str, Any], report: Any) -> dict[str, Any]:
@@ -311,3 +334,23 @@ def _with_provenance(
     options = {name: value for name, value in recorded.items() if name not in unused}
     provenance["options"] = provenance["options"] | options
     return replace(found, provenance=provenance)
+
+
+def _pictures(result: _Result) -> list[FrameImage]:
+    """Some images with the points that the calibration rests on, for the report."""
+    import numpy as np
+
+    from sonocal.detection import as_grey
+    from sonocal.report import FrameImage
+
+    recording, rows = result.recording, result.rows
+    if recording is None or recording.image is None or recording.image.dimension != 2:
+        return []
+    frames = np.unique(rows.frame)
+    pictures = []
+    for frame in frames[np.unique(np.linspace(0, len(frames) - 1, MOST_PICTURES).astype(int))].tolist():
+        here = rows.select(rows.frame == frame)
+        grey = as_grey(recording.frames[frame], 2, f"{recording.name}, frame {frame}")
+        image = grey.clip(0, 255).astype(np.uint8)
+        pictures.append(FrameImage(image, here.points_px, here.segments_mm, f"frame {frame}"))
+    return pictures

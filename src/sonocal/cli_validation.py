@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from sonocal.errors import InputError, UnsupportedError
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.observations import Observations
+    from sonocal.report import FrameImage
     from sonocal.validation import Comparison, PointSightings, Validation
 
 __all__ = ["checked", "report_files", "validate"]
@@ -119,12 +121,13 @@ def report_files(
     rows: Observations | None,
     numbers: Validation | None = None,
     comparison: Comparison | None = None,
+    frames: Sequence[FrameImage] = (),
 ) -> dict[str, bytes]:
     """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed."""
     from sonocal.report import report_html
 
     try:
-        return {"report.html": report_html(calibration, rows, numbers, comparison=comparison)}
+        return {"report.html": report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
     except UnsupportedError as error:
         click.echo(f"Note: {error}", err=True)
         return {}

@@ -27,6 +27,8 @@ Fixed = Mapping[tuple[str, str], ArrayLike] | None
 FAINT_SHARE = 0.5
 """Of the detection's least score: near where the needle must be, a fainter place will do."""
 MANY = 25
+IMAGE_COUNT, VOLUME_COUNT = 5, 3
+"""Candidates an image, and a volume."""
 THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
 SPACING_SHARE = 0.2
 """Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
@@ -75,7 +77,7 @@ def calibrate_recording(
     recording: Recording,
     lines: Sequence[Line],
     *,
-    count: int = 5,
+    count: int | None = None,
     mask: NDArray[np.bool_] | None = None,
     centre: Centre = "head",
     probe: str = "Probe",
@@ -93,7 +95,7 @@ def calibrate_recording(
     Args:
         recording: images and poses.
         lines: the needles and wires, see `read_lines`.
-        count: candidates an image.
+        count: candidates an image; default: 5, and 3 in a volume.
         mask: where to look; default: found from the recording.
         centre: "head" or "mass", see `PointDetector`.
         probe: the tool that the probe's marker is called.
@@ -119,6 +121,7 @@ def calibrate_recording(
         table = line_observations(
             recording,
             lines,
+            count=count or VOLUME_COUNT,
             probe=probe,
             fixed=fixed,
             latency_s=latency_s,
@@ -130,7 +133,7 @@ def calibrate_recording(
         return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
     mask = find_mask(recording.frames) if mask is None else mask
     candidates = candidates or detect_points(
-        recording, count=count, mask=mask, centre=centre, progress=progress
+        recording, count=count or IMAGE_COUNT, mask=mask, centre=centre, progress=progress
     )
     table = candidate_observations(
         recording, lines, candidates, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
@@ -219,7 +222,7 @@ def line_observations(
     recording: Recording,
     lines: Sequence[Line],
     *,
-    count: int = 3,
+    count: int = VOLUME_COUNT,
     probe: str = "Probe",
     fixed: Fixed = None,
     latency_s: float = 0.0,
