@@ -18,7 +18,7 @@ from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import file_size, read_text, reading
 from sonocal.geometry import Array
 from sonocal.recording.dicom import read_dicom_files
-from sonocal.recording.frames import Frames, Image, check_frame_size
+from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 from sonocal.recording.pose_csv import TIME_COLUMNS
 from sonocal.tables import parse_table
@@ -83,7 +83,7 @@ class ImageFiles(Frames):
         size, mode = self._look(paths[0])
         self.dtype = np.dtype(MODES[mode])
         self.shape = (size[1], size[0]) + ((3,) if mode == "RGB" else ())
-        check_frame_size(paths[0].name, self.shape, self.dtype)
+        check_frame_size(paths[0].name, self.shape, self.dtype, PICTURE_LIMIT)
 
     def __len__(self) -> int:
         return len(self._paths)
