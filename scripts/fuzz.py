@@ -4,7 +4,7 @@
     python scripts/fuzz.py [READER ...] [--seconds 60]
 
 Each reader runs in a process of its own, from the sound and the damaged files of the tests. A foreign exception, more
-than 30 s for one input or more than 1 GB of memory stops it; libFuzzer then names the file that holds the input.
+than a minute for one input or more than 1 GB of memory stops it; libFuzzer then names the file that holds the input.
 The hypothesis tests (tests/recording/test_fuzz.py) ask the same of fewer inputs, and run everywhere.
 """
 
@@ -21,7 +21,7 @@ from types import FunctionType
 
 ROOT = Path(__file__).parent.parent
 LIMITS = [
-    "-timeout=30",
+    "-timeout=60",
     "-rss_limit_mb=1024",
     "-malloc_limit_mb=512",
     "-max_len=8192",
