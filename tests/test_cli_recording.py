@@ -163,6 +163,36 @@ def test_a_latency_is_undone_and_kept(tmp_path):
     assert right.fit.rms_mm < 0.5 * wrong.fit.rms_mm
 
 
+def test_a_folder_of_images_and_a_tracker_on_another_clock_are_a_recording(swept, tmp_path):
+    pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    sweep, paths = swept
+    (tmp_path / "images").mkdir()
+    stamps = ["file,time_s"]
+    for i, (image, time) in enumerate(
+        zip(sweep.recording.frames, sweep.recording.times.tolist(), strict=True)
+    ):
+        pillow.fromarray(image).save(tmp_path / "images" / f"{i:03d}.png")
+        stamps.append(f"{i:03d}.png,{time!r}")
+    (tmp_path / "images" / "frames.csv").write_text("\n".join(stamps))
+    tracker = Recording(times=sweep.recording.times + 1000, poses=sweep.recording.poses)
+    write_recording(tracker, tmp_path / "tracker.igs.mha")
+    points = points_csv(sweep, tmp_path / "points.csv")
+    common = ("--lines", paths[1], "--points", points, "--no-report", "-o")
+    away = run(
+        "calibrate", tmp_path / "images", "--poses", tmp_path / "tracker.igs.mha", *common, tmp_path / "a"
+    )
+    assert away.exit_code == 1
+    assert "they do not overlap; bring both to one clock" in away.stderr
+    clock = ("--poses", tmp_path / "tracker.igs.mha", "--latency", "1000")
+    assert "PLUS sequence metafile" in run("info", tmp_path / "images", *clock).output
+    done = run("calibrate", tmp_path / "images", *clock, *common, tmp_path / "a")
+    assert done.exit_code == 0, done.output
+    run("calibrate", paths[0], *common, tmp_path / "b")
+    joined, direct = (sc.load(tmp_path / name / "calibration.json") for name in "ab")
+    assert joined.latency_s == 1000
+    np.testing.assert_allclose(joined.probe_from_image.matrix, direct.probe_from_image.matrix, atol=1e-6)
+
+
 def test_a_recording_without_a_visible_needle_is_refused_and_its_contact_sheet_stays(tmp_path):
     hidden = SweepOptions(frames=40, rate_hz=4, hidden_share=1.0)
     paths = write_sweep(simulate_sweep(curvilinear(200, 200, 0.6), options=hidden), tmp_path)

@@ -19,6 +19,7 @@ from sonocal.cli_options import (
     LINES,
     MASK,
     NO_REPORT,
+    POSES,
     PROBE,
     SCANNER,
     Size,
@@ -52,7 +53,7 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
 @click.option(
     "--points", type=FILE, help="Points found in the images (CSV: frame, u_px, v_px[, w_px][, target])."
 )
-@click.option("--poses", type=FILE, help="The tracker's own recording, beside a video or a folder of images.")
+@POSES
 @PROBE
 @LATENCY
 @INVALID
@@ -217,9 +218,10 @@ def _from_recording(
             f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
         )
     points, poses = recorded["points"], recorded["poses"]
-    recording, (known, fixed) = read_recording(source, poses), read_lines(lines)
+    moved = (recorded["latency_s"], recorded["on_invalid"])
+    recording, (known, fixed) = read_recording(source, poses, *moved), read_lines(lines)
     options = {name: value for name, value in options.items() if value is not None} | {"fixed": fixed}
-    options |= {name: recorded[name] for name in ("probe", "latency_s", "on_invalid")}
+    options |= {name: recorded[name] for name in ("probe", "on_invalid")}
     if points is not None:
         result = _given(recording, known, points, options)
     else:
@@ -333,7 +335,7 @@ def _with_provenance(
     unused = OF_DETECTION if "points" in provenance["recorded"] else ()
     options = {name: value for name, value in recorded.items() if name not in unused}
     provenance["options"] = provenance["options"] | options
-    return replace(found, provenance=provenance)
+    return replace(found, provenance=provenance, latency_s=recorded["latency_s"] or None)
 
 
 def _pictures(result: _Result) -> list[FrameImage]:

@@ -16,6 +16,7 @@ from sonocal.cli_options import (
     LATENCY,
     LINES,
     MASK,
+    POSES,
     PROBE,
     output_folder,
     progress,
@@ -103,6 +104,7 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
     "-o", "--output", type=FILE, default=Path("candidates.csv"), show_default=True, help="Table to write."
 )
 @click.option("--sheet", type=FILE, help="Contact sheet (PNG) to write.")
+@POSES
 @COUNT
 @CENTRE
 @MASK
@@ -115,6 +117,8 @@ def detect(
     output: Path,
     sheet: Path | None,
     *,
+    poses: Path | None,
+    latency_s: float,
     count: int,
     centre: Any,
     mask: Path | None,
@@ -133,7 +137,8 @@ def detect(
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
-    loaded, (known, fixed) = read_recording(recording), read_lines(lines)
+    loaded = read_recording(recording, poses, latency_s, options["on_invalid"])
+    known, fixed = read_lines(lines)
     options["fixed"] = fixed
     with progress("detecting") as report:
         if loaded.image is not None and loaded.image.dimension == 3:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from sonocal.cli_options import FILE, JSON, console, progress
+from sonocal.cli_options import FILE, JSON, LATENCY, POSES, console, progress
 from sonocal.errors import InputError
 
 __all__ = ["info"]
@@ -19,12 +19,13 @@ Shown = tuple[Any, Callable[[], None]]
 
 @click.command()
 @click.argument("file", metavar="FILE", type=FILE)
-@click.option("--poses", type=FILE, help="The tracker's own recording, beside a video or a folder of images.")
+@POSES
+@LATENCY
 @click.option(
     "--quick", is_flag=True, help="Of recordings: do not decode the images to look for repeated ones."
 )
 @JSON
-def info(file: Path, poses: Path | None, *, quick: bool, as_json: bool) -> None:
+def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_json: bool) -> None:
     """Show what is in a file, and what is wrong with it.
 
     Recordings, tables of sightings or points, calibrations, needles (.toml), PLUS device sets.
@@ -32,7 +33,10 @@ def info(file: Path, poses: Path | None, *, quick: bool, as_json: bool) -> None:
     from sonocal.contents import kind_of
 
     kind = kind_of(file)
-    record, show = _recording(file, poses, quick) if kind == "recording" else _READERS[kind](file)
+    if kind == "recording":
+        record, show = _recording(file, poses, latency_s, quick=quick)
+    else:
+        record, show = _READERS[kind](file)
     if as_json:
         import msgspec
 
@@ -42,12 +46,13 @@ def info(file: Path, poses: Path | None, *, quick: bool, as_json: bool) -> None:
         show()
 
 
-def _recording(file: Path, poses: Path | None, quick: bool) -> Shown:
+def _recording(file: Path, poses: Path | None, latency_s: float, *, quick: bool) -> Shown:
     from sonocal.recording import read_recording, summarize
     from sonocal.terminal_recording import print_recording
 
+    recording = read_recording(file, poses, latency_s, "skip")
     with progress("looking at images") as report:
-        summary = summarize(read_recording(file, poses), look_at_images=not quick, progress=report)
+        summary = summarize(recording, look_at_images=not quick, progress=report)
     return summary, lambda: print_recording(console(), summary)
 
 

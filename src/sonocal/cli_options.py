@@ -22,6 +22,7 @@ __all__ = [
     "LINES",
     "MASK",
     "NO_REPORT",
+    "POSES",
     "PROBE",
     "SCANNER",
     "Size",
@@ -67,6 +68,9 @@ class Threshold(click.ParamType[float | str]):
 
 LINES = click.option(
     "--lines", type=FILE, help="The needle or wires: needle.toml or a PLUS device set (XML)."
+)
+POSES = click.option(
+    "--poses", type=FILE, help="The tracker's own recording, beside a video or a folder of images."
 )
 PROBE = click.option("--probe", default="Probe", show_default=True, help="What the probe's marker is called.")
 LATENCY = click.option(
