@@ -14,7 +14,7 @@ from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear
-from tests.recording.makers import random_recording
+from tests.recording.makers import random_poses, random_recording
 from tests.recording.test_device_set import PHANTOM
 from tests.recording.test_tools import AXIS, TIP, pivoting, spinning
 
@@ -362,6 +362,28 @@ def test_a_stylus_and_two_touches_make_a_needle(tools, tmp_path):
     whole = run("tool", tmp_path / "touch.igs.mha", "--stylus", "Stylus", "--stylus-tip", "-18,2,-157")
     assert whole.exit_code == 1
     assert "the stylus tip moved by" in whole.stderr
+
+
+def test_a_divot_on_a_moving_marker_needs_its_name(tmp_path):
+    rng = np.random.default_rng(4)
+    reference = random_poses(rng, 200)
+    write_tracker(tmp_path / "a.igs.mha", Needle=reference @ pivoting(rng), Reference=reference)
+    assert "poses share a tip within" in run("tool", tmp_path / "a.igs.mha").stderr
+    found = json.loads(run("tool", tmp_path / "a.igs.mha", "--reference", "Reference", "--json").stdout)
+    np.testing.assert_allclose(found["points"][0]["tip_mm"], TIP, atol=0.2)
+
+
+def test_poses_that_are_not_rigid_are_refused_or_skipped(tools, tmp_path):
+    matrices = pivoting(np.random.default_rng(5))
+    matrices[17, :3, :3] *= 1.1
+    write_tracker(tmp_path / "a.igs.mha", Needle=matrices)
+    refused = run("tool", tmp_path / "a.igs.mha")
+    assert refused.stderr == (
+        "Error: a.igs.mha, frame 17: NeedleToTracker is not rigid (det R = 1.33); "
+        "drop such frames with --on-invalid skip\n"
+    )
+    found = json.loads(run("tool", tmp_path / "a.igs.mha", "--on-invalid", "skip", "--json").stdout)
+    assert found["points"][0]["inlier"].count(False) == 1
 
 
 @pytest.mark.parametrize(
