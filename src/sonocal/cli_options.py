@@ -31,6 +31,7 @@ __all__ = [
     "output_folder",
     "progress",
     "seed",
+    "typed",
 ]
 
 FILE = click.Path(path_type=Path)
@@ -129,6 +130,16 @@ def output_folder(default: str, holds: str) -> Callable[[Any], Any]:
         show_default=True,
         help=f"Folder for {holds}; made if absent.",
     )
+
+
+def typed(names: tuple[str, ...]) -> list[str]:
+    """The options, of some, that stand on the command line."""
+    context, there = click.get_current_context(), click.core.ParameterSource.COMMANDLINE
+    return [
+        option.opts[0]
+        for option in context.command.params
+        if option.name in names and context.get_parameter_source(option.name) is there
+    ]
 
 
 def console() -> Console:
