@@ -105,7 +105,7 @@ def _tool_verdict(found: ToolCalibration) -> Text:
 
 
 def _points_table(found: ToolCalibration) -> Table:
-    columns = ("x", "y", "z", "95 % within", "rms", "tilt, deg", "frames used")
+    columns = ("x", "y", "z", "+- (95 %)", "rms", "tilt, deg", "frames used")
     table = number_table(f"Points in {found.tool}'s frame, mm", *columns)
     for order, point in zip(("first", "second"), found.points, strict=False):
         name = order
