@@ -14,6 +14,7 @@ from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear
+from tests.readers import POINT
 from tests.recording.makers import random_poses, random_recording
 from tests.recording.test_device_set import PHANTOM
 from tests.recording.test_tools import AXIS, TIP, pivoting, spinning
@@ -458,6 +459,7 @@ def files(tmp_path_factory):
     (folder / "needle.toml").write_text(
         '[[line]]\nname = "n"\nframe = "Needle"\nfrom_mm = [0, 0, 0]\nto_mm = [3, 4, 0]\n'
     )
+    (folder / "stylus.toml").write_text(POINT)
     (folder / "devices.xml").write_text(PHANTOM)
     (folder / "points.csv").write_text("frame,u_px,v_px\n0,1,2\n")
     (folder / "wire.csv").write_text("u_px,v_px,x_mm,y_mm,z_mm\n1,2,3,4,5\n")
@@ -475,6 +477,7 @@ SHOWN = {
     "tracker.igs.mha": ["No images: a tracker alone.", "NeedleToTracker"],
     "poses.csv": ["CSV of poses", "ProbeToTracker"],
     "needle.toml": ["needles and wires", "5.0"],
+    "stylus.toml": ["points of tools", "0.00, 0.50, -150.00"],
     "devices.xml": ["PLUS device set", "PhantomToReference"],
     "points.csv": ["points found in images"],
     "wire.csv": ["With places."],

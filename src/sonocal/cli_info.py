@@ -98,11 +98,19 @@ def _known_points(file: Path) -> Shown:
 
 
 def _lines(file: Path) -> Shown:
-    from sonocal.recording import read_lines
-    from sonocal.terminal_recording import print_lines
+    from sonocal.recording import read_lines, read_points_toml
+    from sonocal.terminal_recording import print_lines, print_tips
 
-    found, _ = read_lines(file)
-    return found, lambda: print_lines(console(), file.name, found)
+    tips = read_points_toml(file)
+    lines = () if tips and b"[[line]]" not in file.read_bytes() else read_lines(file)[0]
+
+    def show() -> None:
+        if lines:
+            print_lines(console(), f"{file.name}: needles and wires", lines)
+        if tips:
+            print_tips(console(), f"{file.name}: points of tools", tips)
+
+    return {"lines": lines, "points": tips}, show
 
 
 def _device_set(file: Path) -> Shown:

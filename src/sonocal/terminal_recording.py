@@ -12,12 +12,20 @@ from rich.table import Table
 from rich.text import Text
 
 from sonocal.geometry import Array
-from sonocal.recording import DeviceSet, ImageGeometry, Line, PivotCalibration, SpinCalibration, Summary
+from sonocal.recording import (
+    DeviceSet,
+    ImageGeometry,
+    Line,
+    PivotCalibration,
+    Point,
+    SpinCalibration,
+    Summary,
+)
 from sonocal.sightings import Detections
 from sonocal.terminal_parts import number_table, print_findings
 from sonocal.tool_calibration import ToolCalibration
 
-__all__ = ["print_device_set", "print_lines", "print_points", "print_recording", "print_tool"]
+__all__ = ["print_device_set", "print_lines", "print_points", "print_recording", "print_tips", "print_tool"]
 
 
 def print_recording(console: Console, summary: Summary) -> None:
@@ -43,16 +51,22 @@ def print_recording(console: Console, summary: Summary) -> None:
     print_findings(console, summary.diagnostics, "info")
 
 
-def print_lines(console: Console, name: str, lines: Sequence[Line]) -> None:
+def print_lines(console: Console, title: str, lines: Sequence[Line]) -> None:
     """Needles and wires, with their length."""
-    table = number_table(
-        f"{name}: needles and wires", "frame", "from, mm", "to, mm", "length, mm", first="name"
-    )
+    table = number_table(title, "frame", "from, mm", "to, mm", "length, mm", first="name")
     for line in lines:
         length = float(np.linalg.norm(line.segment_mm[1] - line.segment_mm[0]))
         table.add_row(
             escape(line.name), escape(line.frame), *(_place(end) for end in line.segment_mm), f"{length:.1f}"
         )
+    console.print(table)
+
+
+def print_tips(console: Console, title: str, points: Sequence[Point]) -> None:
+    """Points of tools."""
+    table = number_table(title, "frame", "at, mm", first="name")
+    for point in points:
+        table.add_row(escape(point.name), escape(point.frame), _place(point.place_mm))
     console.print(table)
 
 
@@ -62,7 +76,7 @@ def print_device_set(console: Console, devices: DeviceSet) -> None:
     for (target, source), matrix in devices.transforms.items():
         console.print(_matrix(f"{source}To{target}", matrix))
     if devices.wires:
-        print_lines(console, f"{len(devices.patterns)} patterns", devices.wires)
+        print_lines(console, f"{len(devices.patterns)} patterns of wires", devices.wires)
     else:
         console.print("No phantom wires.")
 
@@ -88,7 +102,7 @@ def print_tool(console: Console, found: ToolCalibration) -> None:
     if found.spin is not None:
         console.print(_axis_table(found.tool, found.spin))
     if found.needle is not None:
-        print_lines(console, "Needle", [found.needle.line])
+        print_lines(console, "The needle", [found.needle.line])
     print_findings(console, found.diagnostics, "info")
 
 
