@@ -8,19 +8,22 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent / "src" / "sonocal"
 
-# Every room may import `errors`, `files`, `findings`, `geometry` and NumPy, except where its row says less. A room is
-# a module or a folder beside __init__.py; the calibration room has several modules.
-EVERYONE = {"errors", "files", "findings", "geometry"}
+# Every room may import `errors`, `files`, `findings`, `geometry`, `tables` and NumPy, except where its row says less.
+# A room is a module or a folder beside __init__.py; the calibration room has several modules.
+EVERYONE = {"errors", "files", "findings", "geometry", "tables"}
 CALIBRATION = {"calibration", "calibration_file", "diagnostics"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "files": {"errors"},
     "findings": set(),
     "geometry": {"errors"},
+    "tables": {"errors"},
+    "contents": EVERYONE,
     "observations": EVERYONE,
     "registration": EVERYONE | {"_core"},
     "recording": EVERYONE,
     "detection": EVERYONE | {"recording", "_core"},
+    "tool_calibration": EVERYONE | {"recording"},
     "sightings": EVERYONE | {"observations", "recording"},
     "candidates": EVERYONE | CALIBRATION | {"observations", "registration"},
     "needle_sweep": EVERYONE
@@ -37,21 +40,18 @@ ALLOWED: dict[str, set[str]] = {
     "validation": EVERYONE | CALIBRATION | {"observations", "registration"},
     "setup_checks": EVERYONE | CALIBRATION | {"observations", "registration"},
     "report": EVERYONE | CALIBRATION | {"observations", "registration", "validation"},
-    "terminal_validation": EVERYONE | CALIBRATION | {"report", "terminal", "validation"},
+    "terminal_validation": EVERYONE | CALIBRATION | {"report", "terminal_parts", "validation"},
     "simulation": EVERYONE | {"recording", "observations"},
-    "terminal": EVERYONE | CALIBRATION | {"observations", "recording", "registration", "simulation"},
+    "terminal_parts": EVERYONE,
+    "terminal": EVERYONE | CALIBRATION | {"observations", "registration", "simulation", "terminal_parts"},
+    "terminal_recording": EVERYONE | {"recording", "sightings", "terminal_parts", "tool_calibration"},
 }
 # These see everything: the public face and the command line.
-UNRESTRICTED = {"__init__", "__main__", "cli", "cli_detection", "cli_validation"}
+UNRESTRICTED = {"__init__", "__main__"} | {path.stem for path in PACKAGE.glob("cli*.py")}
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {"scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL"}
-LAZY_EXEMPT = {
-    "cli": {"click"},
-    "cli_detection": {"click"},
-    "cli_validation": {"click"},
-    "terminal": {"rich"},
-    "terminal_validation": {"rich"},
-}
+LAZY_EXEMPT = {path.stem: {"click"} for path in PACKAGE.glob("cli*.py")}
+LAZY_EXEMPT |= {path.stem: {"rich"} for path in PACKAGE.glob("terminal*.py")}
 
 
 def imported(tree: ast.AST, *, module_level: bool) -> set[str]:

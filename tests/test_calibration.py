@@ -205,7 +205,7 @@ def test_the_file_gives_back_the_calibration_to_the_last_bit(calibration, tmp_pa
 def test_the_file_has_the_documented_fields(rows, model):
     fields = json.loads(calibration_json(sc.calibrate(rows, model=model)))
     assert list(fields) == [
-        "format", "version", "created", "probe_from_image", "model", "scale_mm_per_px", "rotation_wxyz",
+        "format", "version", "created", "conventions", "probe_from_image", "model", "scale_mm_per_px", "rotation_wxyz",
         "translation_mm", "covariance", "sigma", "area_px", "fit", "test", "residuals_mm", "inlier", "latency_s",
         "diagnostics", "provenance",
     ]  # fmt: skip

@@ -84,6 +84,45 @@ def test_json_export_is_a_calibration_again(calibrated, tmp_path):
     )
 
 
+@pytest.mark.parametrize("form", ["itk", "slicer"])
+@pytest.mark.parametrize("suffix", [".tfm", ".h5"])
+def test_transforms_are_exported_for_itk_and_slicer(calibrated, tmp_path, form, suffix):
+    sitk = pytest.importorskip("SimpleITK", reason="SimpleITK, the oracle of ITK's files, is not installed")
+    path = tmp_path / f"a{suffix}"
+    assert run("export", calibrated, "--to", form, "-o", path).exit_code == 0
+    points = np.random.default_rng(0).uniform(0, 500, (1000, 3))
+    theirs = sitk.ReadTransform(path)
+    mm = sc.load(calibrated).probe_from_image.apply(points)
+    ras_from_lps = [-1, -1, 1]
+    source, expected = (points, mm) if form == "itk" else (mm * ras_from_lps, points * ras_from_lps)
+    mapped = np.array([theirs.TransformPoint(p) for p in source.tolist()])
+    np.testing.assert_allclose(mapped, expected, rtol=0, atol=1e-9 if form == "itk" else 1e-8)
+    refused = run("export", calibrated, "--to", form, "-o", tmp_path / "a.txt")
+    assert refused.exit_code == 1
+    assert refused.stderr.endswith(
+        "a.txt: transforms are written as .tfm or .h5; choose one of these names\n"
+    )
+
+
+def test_the_matrix_is_put_into_a_device_set(calibrated, tmp_path):
+    devices = tmp_path / "devices.xml"
+    devices.write_text("<PlusConfiguration>\n  <CoordinateDefinitions/>\n  <fCal />\n</PlusConfiguration>\n")
+    done = run("export", calibrated, "--to", "plus", "--into", devices, "-o", devices, "--probe", "L14")
+    assert done.exit_code == 0, done.output
+    text = devices.read_text()
+    assert text.startswith("<PlusConfiguration>\n  <CoordinateDefinitions>\n    <!-- ImageToL14 maps pixels")
+    assert text.endswith("\n  </CoordinateDefinitions>\n  <fCal />\n</PlusConfiguration>\n")
+    assert run("export", calibrated, "--to", "itk", "--into", devices, "-o", "a.tfm").exit_code == 2
+
+
+def test_every_export_states_its_conventions(calibrated, tmp_path):
+    for form, name in (("plus", "a.xml"), ("itk", "a.tfm"), ("slicer", "b.tfm"), ("json", "a.json")):
+        run("export", calibrated, "--to", form, "-o", tmp_path / name)
+        text = (tmp_path / name).read_text()
+        assert "centre of the" in text, form
+        assert "mm per px" in text, form
+
+
 def test_info_shows_a_table_and_a_calibration(table, calibrated):
     shown = run("info", table)
     assert shown.exit_code == 0
@@ -124,7 +163,11 @@ def test_a_known_failure_is_one_sentence_exit_1_and_writes_nothing(tmp_path):
         (["calibrate", "."], 1, "Error: .: is a directory"),
         (["calibrate", "a.csv", "--treshold-mm", "3"], 2, "No such option"),
         (["calibrate", "a.csv", "--image-size", "big"], 2, "'big' is not a size such as 640x480"),
-        (["export", "a.json", "--to", "stl", "-o", "b"], 2, "'stl' is not one of 'plus', 'json'"),
+        (
+            ["export", "a.json", "--to", "stl", "-o", "b"],
+            2,
+            "'stl' is not one of 'plus', 'itk', 'slicer', 'json'",
+        ),
         (["info", "nowhere"], 1, "Error: nowhere: there is no such file"),
     ],
 )
@@ -149,8 +192,13 @@ def test_info_of_something_else_says_what_it_reads(tmp_path):
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\0")
     result = run("info", tmp_path / "picture.png")
     assert result.exit_code == 1
-    assert result.stderr.startswith(
-        "Error: picture.png: is neither a calibration (JSON) nor a table of sightings (CSV): "
+    assert result.stderr == "Error: picture.png: is not an image that can be read (unknown kind)\n"
+    (tmp_path / "song.bin").write_bytes(b"la la\0la")
+    result = run("info", tmp_path / "song.bin")
+    assert result.exit_code == 1
+    assert result.stderr == (
+        "Error: song.bin: is not a recording that sonocal reads; it reads .mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, "
+        ".png, or a folder of images\n"
     )
 
 
@@ -171,6 +219,14 @@ def test_a_real_process_calibrates_and_refuses(table, tmp_path):
     assert (refused.returncode, refused.stdout) == (1, "")
     assert refused.stderr == "Error: no.csv: there is no such file; check the name and the folder\n"
     assert process("--version").stdout == f"sonocal, version {sc.__version__}\n"
+
+
+@pytest.mark.parametrize("command", ["", *main.commands])
+def test_help_fits_the_terminal_and_keeps_its_lines(command):
+    shown = run(*filter(None, [command]), "--help")
+    assert shown.exit_code == 0
+    assert "\\b" not in shown.output
+    assert max(map(len, shown.output.splitlines())) <= 80
 
 
 def test_a_bug_keeps_its_traceback(monkeypatch, table):

@@ -4,12 +4,14 @@ import subprocess
 import sys
 from importlib.metadata import version
 
+import pytest
+
 import sonocal as sc
 
 PUBLIC = [
     "AxisScaled", "Calibration", "DegenerateGeometryError", "ErrorStatistics", "FormatError", "InputError",
-    "NoConsensusError", "Observations", "Similarity", "SonocalError", "UnsupportedError", "__version__",
-    "calibrate", "load", "read_observations", "write_observations",
+    "NoConsensusError", "Observations", "Recording", "Similarity", "SonocalError", "UnsupportedError", "__version__",
+    "calibrate", "load", "read_observations", "read_recording", "write_observations", "write_recording",
 ]  # fmt: skip
 
 
@@ -29,6 +31,14 @@ def test_importing_loads_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_readers_of_recordings_wait_until_they_are_asked_for():
+    code = "import sys, sonocal; print('sonocal.recording' in sys.modules); print(sonocal.read_recording.__name__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "read_recording"]
+    with pytest.raises(AttributeError, match="has no attribute 'read_recordings'"):
+        _ = sc.read_recordings
 
 
 def test_every_error_is_a_sonocal_error():

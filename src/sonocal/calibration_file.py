@@ -29,6 +29,12 @@ __all__ = [
 
 FORMAT: Literal["sonocal-calibration"] = "sonocal-calibration"
 VERSION = 1
+CONVENTIONS = (
+    "probe_from_image @ (u, v, w, 1) is a place in mm in the probe marker's frame. u right, v down, w out of the "
+    "slice, in px of the MF-oriented image; the origin is the centre of the first pixel; a 2D image lies at w = 0. "
+    "The mm per px are inside the matrix. Covariance: of a rotation vector applied on the left (rad), a translation "
+    "(mm) and the logarithm of the scale, or of both scales."
+)
 
 
 class _Sigma(msgspec.Struct):
@@ -39,12 +45,13 @@ class _Sigma(msgspec.Struct):
     freedom: int
 
 
-class _Record(msgspec.Struct):
+class _Record(msgspec.Struct, kw_only=True):
     """The file's fields, in the order they are written."""
 
     format: Literal["sonocal-calibration"]
     version: int
     created: str
+    conventions: str = ""
     probe_from_image: list[list[float]]
     model: Model
     scale_mm_per_px: list[float]
@@ -68,6 +75,7 @@ def calibration_json(calibration: Calibration) -> bytes:
     record = _Record(
         format=FORMAT,
         version=VERSION,
+        conventions=CONVENTIONS,
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         probe_from_image=transform.matrix.tolist(),
         model=calibration.model,
@@ -119,7 +127,7 @@ def parse_calibration(content: bytes, name: str) -> Calibration:
     """The calibration in the content of its file; `name` is what messages call it. Raises as `load_calibration`."""
     try:
         head = msgspec.json.decode(content, type=dict[str, Any])
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FormatError(f"{name}: is not a calibration file ({error}); name the calibration.json") from None
     if head.get("format") != FORMAT:
         raise FormatError(f"{name}: is JSON but not a calibration; its format is {head.get('format')!r}")

@@ -29,6 +29,8 @@ ENOUGH = 0.5
 CHANCE_FACTOR = 3.0
 LEAST_SIGHTINGS = 10
 LEAST_SHARE = 0.15
+LEAST_SHARE_OF_MANY = 0.5
+"""With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
 TIGHTNESS = 3.5
 """Standard deviations of the residuals within which a candidate is the needle, once a calibration is known."""
 
@@ -94,7 +96,10 @@ def calibrate_candidates(
         calibration, chosen = _settle(table, calibration, threshold_mm, seed, options)
     observations = candidates_at(table.rows, chosen)
     used = len(np.unique(group_codes(observations.frame, observations.target)))
-    reasons = {"no candidate found": total - table.count, "no candidate near the needle": table.count - used}
+    reasons = {
+        "no candidate or no pose": total - table.count,
+        "no candidate near the needle": table.count - used,
+    }
     found = _report(used, total, reasons)
     calibration = replace(calibration, diagnostics=(*calibration.diagnostics, found))
     return CandidateCalibration(calibration, observations, first, total, used, reasons)
@@ -131,17 +136,26 @@ class _Table:
         else:
             self.candidate = np.arange(len(rows))
             self.rank = _ranks(self.sighting)
-        self.owner = np.zeros(int(self.candidate.max(initial=-1)) + 1, dtype=np.int64)
+        # One candidate may be tried against several needles: each of its trials has the same place in the image.
+        self.owner, self.place = (
+            np.zeros(int(self.candidate.max(initial=-1)) + 1, dtype=np.int64) for _ in "12"
+        )
         self.owner[self.candidate] = self.sighting
+        self.place[self.candidate] = group_codes(rows.frame, *rows.points_px.T)
 
     def nearest(self, transform: AxisScaled, threshold_mm: float) -> NDArray[np.bool_]:
-        """(N,) rows of the nearest candidate of each sighting, where all of its points are within the threshold."""
+        """(N,) rows of the nearest candidate of each sighting, where all of its points are within the threshold.
+
+        A candidate that is nearest to several needles is that of the nearest one.
+        """
         distance = _distances(transform, self.points, self.rows.segments_mm)
         worst = np.zeros(len(self.owner))
         np.maximum.at(worst, self.candidate, distance)
         least = np.full(self.count, np.inf)
         np.minimum.at(least, self.owner, worst)
         best = np.flatnonzero((worst == least[self.owner]) & (worst <= threshold_mm))
+        best = best[np.argsort(worst[best], kind="stable")]
+        best = best[np.unique(self.place[best], return_index=True)[1]]
         return np.isin(self.candidate, best)
 
     def agreeing(self, chosen: NDArray[np.bool_]) -> int:
@@ -176,7 +190,8 @@ def _first_consensus(
             else refusal or _nothing_found(table, total, 0)
         )
     chance = CHANCE_FACTOR * _by_chance(table, best[1], threshold_mm)
-    if best[0] < max(min(LEAST_SIGHTINGS, total), LEAST_SHARE * total, chance):
+    share = LEAST_SHARE if len(np.unique(table.rows.target)) == 1 else LEAST_SHARE_OF_MANY
+    if best[0] < max(min(LEAST_SIGHTINGS, total), share * total, chance):
         raise _nothing_found(table, total, best[0])
     return best[1]
 

@@ -1,39 +1,33 @@
-"""Commands that make and read images: ``simulate``, ``detect``, ``sweep``."""
+"""Commands that make and read images: ``simulate``, ``detect``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
+from sonocal.cli_options import (
+    CENTRE,
+    COUNT,
+    FILE,
+    INVALID,
+    LATENCY,
+    LINES,
+    MASK,
+    POSES,
+    PROBE,
+    output_folder,
+    progress,
+    seed,
+)
+
 __all__ = ["COMMANDS"]
-
-FOLDER = click.Path(path_type=Path)
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr, so that stdout stays the result's."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 @click.command()
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("simulated"),
-    show_default=True,
-    help="Folder; made if absent.",
-)
+@output_folder("simulated", "sweep.igs.mha, needle.toml and truth.json")
 @click.option(
     "--probe",
     type=click.Choice(["curvilinear", "linear", "curvilinear-3d"]),
@@ -81,7 +75,7 @@ def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
 @click.option(
     "--overlay", is_flag=True, help="Draw text and a ruler over the images, as in a screen capture."
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of everything random.")
+@seed("everything random")
 def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
     """Write a simulated recording with known truth: sweep.igs.mha, needle.toml, truth.json."""
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
@@ -97,63 +91,61 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
     fine, wet = probe == "linear", look == "bath"
     appearance = (SMALL_PARTS_BATH if wet else SMALL_PARTS) if fine else BATH if wet else Look()
     sweep = simulate_sweep(probes[probe](), appearance, SweepOptions(**options))
-    with _progress("images") as report:
+    with progress("images") as report:
         paths = write_sweep(sweep, output, report)
     click.echo(f"Wrote {', '.join(str(path) for path in paths)}")
-    click.echo(f"Next: sonocal sweep {paths[0]} --lines {paths[1]}")
-
-
-LINES = click.option(
-    "--lines", type=FOLDER, required=True, help="The needle or wires: needle.toml or a PLUS device set (XML)."
-)
-COUNT = click.option(
-    "--count", type=click.IntRange(1), default=5, show_default=True, help="Candidates an image."
-)
-PROBE = click.option("--probe", default="Probe", show_default=True, help="What the probe's marker is called.")
-LATENCY = click.option(
-    "--latency", "latency_s", type=float, default=0.0, show_default=True, help="Tracker lag, s."
-)
-INVALID = click.option(
-    "--on-invalid",
-    type=click.Choice(["raise", "skip"]),
-    default="raise",
-    show_default=True,
-    help="What to do with poses that are not rigid.",
-)
+    click.echo(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
 
 
 @click.command()
-@click.argument("recording", metavar="RECORDING", type=FOLDER)
+@click.argument("recording", metavar="RECORDING", type=FILE)
 @LINES
 @click.option(
-    "-o", "--output", type=FOLDER, default=Path("candidates.csv"), show_default=True, help="Table to write."
+    "-o", "--output", type=FILE, default=Path("candidates.csv"), show_default=True, help="Table to write."
 )
-@click.option("--sheet", type=FOLDER, help="Contact sheet (PNG) to write.")
+@click.option("--sheet", type=FILE, help="Contact sheet (PNG) to write.")
+@POSES
 @COUNT
+@CENTRE
+@MASK
 @PROBE
 @LATENCY
 @INVALID
 def detect(
-    recording: Path, lines: Path, output: Path, sheet: Path | None, count: int, **options: Any
+    recording: Path,
+    lines: Path | None,
+    output: Path,
+    sheet: Path | None,
+    *,
+    poses: Path | None,
+    latency_s: float,
+    count: int,
+    centre: Any,
+    mask: Path | None,
+    **options: Any,
 ) -> None:
     """Find the needle in a recording's images: several candidates an image, best first, as a table of sightings.
 
-    At most one candidate of an image is right; "sonocal sweep" chooses.
+    At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
     """
     from sonocal.contact_sheet import contact_sheet, png
-    from sonocal.detection import detect_points
+    from sonocal.detection import detect_points, read_mask
     from sonocal.files import write_atomically
     from sonocal.needle_sweep import candidate_observations, line_observations
     from sonocal.observations import write_observations
     from sonocal.recording import read_lines, read_recording
 
-    loaded, (known, fixed) = read_recording(recording), read_lines(lines)
+    if lines is None:
+        raise click.UsageError("Missing option '--lines'.")
+    loaded = read_recording(recording, poses, latency_s, options["on_invalid"])
+    known, fixed = read_lines(lines)
     options["fixed"] = fixed
-    with _progress("detecting") as report:
+    with progress("detecting") as report:
         if loaded.image is not None and loaded.image.dimension == 3:
             table = line_observations(loaded, known, count=count, progress=report, **options)
         else:
-            found = detect_points(loaded, count=count, progress=report)
+            drawn = None if mask is None else read_mask(mask, loaded.frames.shape[:2])
+            found = detect_points(loaded, count=count, centre=centre, mask=drawn, progress=report)
             if sheet is not None:
                 write_atomically(sheet, png(contact_sheet(loaded, found)))
             table = candidate_observations(loaded, known, found, **options)
@@ -161,62 +153,4 @@ def detect(
     click.echo(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
 
 
-@click.command()
-@click.argument("recording", metavar="RECORDING", type=FOLDER)
-@LINES
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("calibration"),
-    show_default=True,
-    help="Folder; made if absent.",
-)
-@COUNT
-@PROBE
-@LATENCY
-@INVALID
-@click.option(
-    "--threshold-mm", type=float, default=5.0, show_default=True, help="Further candidates are wrong."
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the random samples.")
-def sweep(recording: Path, lines: Path, output: Path, count: int, **options: Any) -> None:
-    """Calibrate from a recording of a needle, detection included.
-
-    Writes calibration.json, observations.csv (the chosen candidates) and contact-sheet.png, the last also when no
-    calibration is found.
-    """
-    from rich.console import Console
-
-    from sonocal.calibration_file import calibration_json
-    from sonocal.contact_sheet import contact_sheet, png
-    from sonocal.detection import detect_points
-    from sonocal.files import write_into_folder
-    from sonocal.needle_sweep import calibrate_recording
-    from sonocal.observations import observations_csv
-    from sonocal.recording import read_lines, read_recording
-    from sonocal.terminal import print_calibration
-
-    loaded, (known, fixed) = read_recording(recording), read_lines(lines)
-    options["fixed"] = fixed
-    files: dict[str, bytes] = {}
-    with _progress("detecting") as report:
-        if loaded.image is not None and loaded.image.dimension == 2:
-            options["candidates"] = detect_points(loaded, count=count, progress=report)
-            sheet = "contact-sheet.png"
-            write_into_folder(output, {sheet: png(contact_sheet(loaded, options["candidates"]))})
-        found = calibrate_recording(loaded, known, progress=report, **options)
-    chosen = found.observations
-    if "candidates" in options:
-        marked = contact_sheet(loaded, options["candidates"], (chosen.frame, chosen.points_px))
-        files["contact-sheet.png"] = png(marked)
-    files |= {
-        "observations.csv": observations_csv(chosen),
-        "calibration.json": calibration_json(found.calibration),
-    }
-    write_into_folder(output, files)
-    print_calibration(Console(highlight=False), found.calibration)
-    click.echo(f"Wrote {', '.join(str(output / name) for name in files)}")
-
-
-COMMANDS = [simulate, detect, sweep]
+COMMANDS = [simulate, detect]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli_options import FILE, JSON, NO_REPORT, SCANNER, console, seed
 from sonocal.errors import InputError, UnsupportedError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.observations import Observations
+    from sonocal.report import FrameImage
     from sonocal.validation import Comparison, PointSightings, Validation
 
 __all__ = ["checked", "report_files", "validate"]
@@ -32,12 +35,12 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
 
 
 @click.command()
-@click.argument("calibration", metavar="CALIBRATION", type=click.Path(path_type=Path))
-@click.argument("table", metavar="INPUT", type=click.Path(path_type=Path))
+@click.argument("calibration", metavar="CALIBRATION", type=FILE)
+@click.argument("table", metavar="INPUT", type=FILE)
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Folder for report.html.  [default: CALIBRATION's]",
 )
 @click.option("--split", metavar="NAME", help="Take the rows of this split as held out.")
@@ -49,17 +52,11 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
     multiple=True,
     help="Targets of an N, for PLUS's error; once for each N.",
 )
-@click.option("--compare", type=click.Path(path_type=Path), metavar="OTHER", help="Another calibration.json.")
-@click.option(
-    "--scanner-mm-per-px", type=click.FloatRange(0, min_open=True), help="What the scanner says, to compare."
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the resampling.")
-@click.option(
-    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no report.html."
-)
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print the numbers as JSON on stdout instead of tables."
-)
+@click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration.json.")
+@SCANNER
+@seed("the resampling")
+@NO_REPORT
+@JSON
 def validate(
     calibration: Path,
     table: Path,
@@ -71,7 +68,7 @@ def validate(
     as_json: bool,
     **options: Any,
 ) -> None:
-    r"""How far off is a calibration (calibration.json), on a table of sightings or points (CSV)?
+    """How far off is a calibration (calibration.json), on a table of sightings or points (CSV)?
 
     \b
     INPUT is one of
@@ -81,7 +78,7 @@ def validate(
       points, with u_px, v_px and x_mm, y_mm, z_mm (where the point is known to
         be) or probe_00 ... probe_23 (the probe's pose): projection
         reconstruction accuracy, spread at a fixed cross-wire.
-    """
+    """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.calibration_file import load_calibration
     from sonocal.files import read_bytes, write_into_folder
 
@@ -124,12 +121,13 @@ def report_files(
     rows: Observations | None,
     numbers: Validation | None = None,
     comparison: Comparison | None = None,
+    frames: Sequence[FrameImage] = (),
 ) -> dict[str, bytes]:
     """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed."""
     from sonocal.report import report_html
 
     try:
-        return {"report.html": report_html(calibration, rows, numbers, comparison=comparison)}
+        return {"report.html": report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
     except UnsupportedError as error:
         click.echo(f"Note: {error}", err=True)
         return {}
@@ -163,13 +161,11 @@ def _compared(first: Calibration, second: Calibration) -> Comparison:
 
 
 def _print(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> None:
-    from rich.console import Console
-
     from sonocal.terminal_validation import print_validation
 
     if not numbers.quantities and not numbers.diagnostics:
         raise InputError(f"{numbers.source}: gives no number; it needs held-out rows, places or poses")
-    print_validation(Console(highlight=False), calibration, numbers, comparison)
+    print_validation(console(), calibration, numbers, comparison)
 
 
 def _json(numbers: Validation, comparison: Comparison | None) -> str:

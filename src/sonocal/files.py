@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -26,6 +27,17 @@ def reading(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: is a directory; name the file in it") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+
+
+def digest(path: Path) -> str:
+    """The SHA-256 of a file; of a folder, of what its files hold, in the order of their names."""
+    whole = hashlib.sha256()
+    with reading(path):
+        for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
+            with part.open("rb") as file:
+                while piece := file.read(1 << 20):
+                    whole.update(piece)
+    return whole.hexdigest()
 
 
 def file_size(path: Path) -> int:

@@ -9,23 +9,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal.calibration import Calibration, calibrate
 from sonocal.candidates import CandidateCalibration, calibrate_candidates, predicted_points
 from sonocal.detection import Candidates, PointDetector, detect_lines, detect_points, find_mask
-from sonocal.detection.points import LEAST_SCORE, Progress
+from sonocal.detection.points import LEAST_SCORE, Centre, Progress
 from sonocal.errors import InputError, NoConsensusError
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
-from sonocal.recording import Line, Recording
+from sonocal.recording import Line, Recording, health
 from sonocal.recording.poses import OnInvalid
 from sonocal.sightings import Detections, observations_from_recording
 
-__all__ = ["calibrate_recording", "candidate_observations", "line_observations"]
+__all__ = ["calibrate_points", "calibrate_recording", "candidate_observations", "line_observations"]
 
 Fixed = Mapping[tuple[str, str], ArrayLike] | None
 
 FAINT_SHARE = 0.5
 """Of the detection's least score: near where the needle must be, a fainter place will do."""
 MANY = 25
+IMAGE_COUNT, VOLUME_COUNT = 5, 3
+"""Candidates an image, and a volume."""
+THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
+SPACING_SHARE = 0.2
+"""Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
+LINE_SAMPLES = 64
 
 
 def candidate_observations(
@@ -70,8 +77,9 @@ def calibrate_recording(
     recording: Recording,
     lines: Sequence[Line],
     *,
-    count: int = 5,
+    count: int | None = None,
     mask: NDArray[np.bool_] | None = None,
+    centre: Centre = "head",
     probe: str = "Probe",
     fixed: Fixed = None,
     latency_s: float = 0.0,
@@ -79,7 +87,7 @@ def calibrate_recording(
     second_look: bool = True,
     progress: Progress | None = None,
     candidates: Candidates | None = None,
-    threshold_mm: float = 5.0,
+    threshold_mm: float | None = None,
     **options: Any,
 ) -> CandidateCalibration:
     """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
@@ -87,8 +95,9 @@ def calibrate_recording(
     Args:
         recording: images and poses.
         lines: the needles and wires, see `read_lines`.
-        count: candidates an image.
+        count: candidates an image; default: 5, and 3 in a volume.
         mask: where to look; default: found from the recording.
+        centre: "head" or "mass", see `PointDetector`.
         probe: the tool that the probe's marker is called.
         fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
         latency_s: how much later the tracker stamps an instant than the images do.
@@ -96,7 +105,8 @@ def calibrate_recording(
         second_look: look again near where the calibrated needle must be.
         progress: called with how many images are done and how many there are.
         candidates: what `detect_points` found, where that was done before.
-        threshold_mm: candidates further than this from their needle are wrong.
+        threshold_mm: candidates further than this from their needle are wrong; default: 5, or a fifth of the
+            distance between lines of one frame, so that they are not taken for one another.
         options: of `sonocal.calibrate`.
 
     Raises:
@@ -106,10 +116,12 @@ def calibrate_recording(
     if recording.image is None or len(recording.frames) == 0:
         raise InputError(f"{recording.name}: has no images to look for a needle in; record images too")
     options.setdefault("image_size_px", recording.image.size_px)
+    threshold_mm = _telling_threshold(lines) if threshold_mm is None else threshold_mm
     if recording.image.dimension == 3:
         table = line_observations(
             recording,
             lines,
+            count=count or VOLUME_COUNT,
             probe=probe,
             fixed=fixed,
             latency_s=latency_s,
@@ -117,24 +129,100 @@ def calibrate_recording(
             progress=progress,
         )
         total = int(recording.image_valid.sum()) * len(lines)
-        return calibrate_candidates(table, sightings=total, threshold_mm=threshold_mm, **options)
+        found = calibrate_candidates(table, sightings=total, threshold_mm=threshold_mm, **options)
+        return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
     mask = find_mask(recording.frames) if mask is None else mask
-    candidates = candidates or detect_points(recording, count=count, mask=mask, progress=progress)
+    candidates = candidates or detect_points(
+        recording, count=count or IMAGE_COUNT, mask=mask, centre=centre, progress=progress
+    )
     table = candidate_observations(
         recording, lines, candidates, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
     )
-    again = _SecondLook(recording, mask, table) if second_look else None
+    again = _SecondLook(recording, mask, centre, table) if second_look else None
     total = candidates.frames * len(lines)
-    return calibrate_candidates(
+    found = calibrate_candidates(
         table, sightings=total, look_again=again, threshold_mm=threshold_mm, **options
     )
+    return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
+
+
+def calibrate_points(
+    recording: Recording,
+    lines: Sequence[Line],
+    detections: Detections,
+    *,
+    probe: str = "Probe",
+    fixed: Fixed = None,
+    latency_s: float = 0.0,
+    on_invalid: OnInvalid = "raise",
+    **options: Any,
+) -> tuple[Calibration, Observations]:
+    """Calibrate a probe from a recording and points that were found in its images by other means.
+
+    Args:
+        recording: poses, and images that need not be decoded.
+        lines: the needles and wires, see `read_lines`.
+        detections: the points, see `read_detections`.
+        probe: the tool that the probe's marker is called.
+        fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
+        latency_s: how much later the tracker stamps an instant than the images do.
+        on_invalid: what to do with poses marked valid that are not rigid.
+        options: of `sonocal.calibrate`.
+
+    Returns:
+        The calibration, and the table of sightings that it was fitted to.
+
+    Raises:
+        InputError: a point belongs to no line or frame, or nothing connects a line to the probe.
+        DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
+    """
+    sightings = observations_from_recording(
+        recording, lines, detections, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
+    )
+    if recording.image is not None:
+        options.setdefault("image_size_px", recording.image.size_px)
+    found = calibrate(sightings.observations, **options)
+    found = replace(found, diagnostics=(*found.diagnostics, *sightings.diagnostics))
+    return _as_recorded(found, recording, lines, probe, latency_s), sightings.observations
+
+
+def _as_recorded(
+    calibration: Calibration,
+    recording: Recording,
+    lines: Sequence[Line],
+    probe: str,
+    latency_s: float,
+) -> Calibration:
+    """The calibration with the latency it was made with, and with what is wrong with the recording.
+
+    Of the recording's tools, those that took part.
+    """
+    tools = {probe.lower(), *(line.frame.lower() for line in lines)}
+    poses = {name: one for name, one in recording.poses.items() if one.source.lower() in tools}
+    noticed = health(replace(recording, poses=poses), look_at_images=False)
+    worth = [one for one in noticed if one.severity == "warning" or one in recording.diagnostics]
+    merged = sorted([*calibration.diagnostics, *worth], key=lambda one: one.severity != "warning")
+    return replace(calibration, diagnostics=tuple(merged), latency_s=latency_s or calibration.latency_s)
+
+
+def _telling_threshold(lines: Sequence[Line]) -> float:
+    """Millimetres within which a candidate belongs to one line and not to its neighbour."""
+    steps = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
+    sampled = [line.segment_mm[0] + steps * (line.segment_mm[1] - line.segment_mm[0]) for line in lines]
+    apart = [
+        float(np.linalg.norm(sampled[i][:, None] - sampled[j], axis=-1).min())
+        for i in range(len(lines))
+        for j in range(i)
+        if lines[i].frame == lines[j].frame
+    ]
+    return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_THRESHOLD_MM, THRESHOLD_MM))
 
 
 def line_observations(
     recording: Recording,
     lines: Sequence[Line],
     *,
-    count: int = 3,
+    count: int = VOLUME_COUNT,
     probe: str = "Probe",
     fixed: Fixed = None,
     latency_s: float = 0.0,
@@ -188,20 +276,23 @@ def _no_candidates(name: str, images: int) -> NoConsensusError:
 class _SecondLook:
     """Fainter candidates near where the needles must be, in images whose first ones were elsewhere."""
 
-    def __init__(self, recording: Recording, mask: NDArray[np.bool_], table: Observations) -> None:
+    def __init__(
+        self, recording: Recording, mask: NDArray[np.bool_], centre: Centre, table: Observations
+    ) -> None:
         self._recording, self._table = recording, table
-        self._detector = PointDetector(mask, MANY, least_score=FAINT_SHARE * LEAST_SCORE)
+        self._detector = PointDetector(mask, MANY, centre=centre, least_score=FAINT_SHARE * LEAST_SCORE)
+        self._last: tuple[int, Array, Array] | None = None
 
     def __call__(self, probe_from_image: AxisScaled, threshold_mm: float) -> Observations:
-        table = self._table
-        _, first = np.unique(table.sightings, return_index=True)
+        table, sightings = self._table, self._table.sightings
+        _, first = np.unique(sightings, return_index=True)
         expected = predicted_points(probe_from_image, table.segments_mm)
         scale = float(probe_from_image.scales.mean())
         off = np.linalg.norm(table.points_px - expected, axis=1) * scale
-        near = set(table.sightings[off <= threshold_mm].tolist())
+        near = set(sightings[off <= threshold_mm].tolist())
         parts = [table]
         for row in first:
-            if int(table.sightings[row]) not in near and self._inside(expected[row]):
+            if int(sightings[row]) not in near and self._inside(expected[row]):
                 parts.append(self._look(int(row), expected[row], threshold_mm / scale))
         return _stacked([part for part in parts if len(part)])
 
@@ -213,11 +304,18 @@ class _SecondLook:
 
     def _look(self, row: int, place: Array, reach_px: float) -> Observations:
         frame = int(self._table.frame[row])
-        points, covariances, _ = self._detector.detect(self._recording.frames[frame])
+        points, covariances = self._found(frame)
         near = np.flatnonzero(np.linalg.norm(points - place, axis=1) <= reach_px)
         like = self._table.select(np.full(len(near), row))
         sigma = np.sqrt(np.trace(covariances[near], axis1=1, axis2=2) / 2)
         return replace(like, points_px=points[near], sigma_px=sigma)
+
+    def _found(self, frame: int) -> tuple[Array, Array]:
+        """What is in an image, whose wires follow one another."""
+        if self._last is None or self._last[0] != frame:
+            points, covariances, _ = self._detector.detect(self._recording.frames[frame])
+            self._last = frame, points, covariances
+        return self._last[1:]
 
 
 def _stacked(tables: Sequence[Observations]) -> Observations:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.geometry import Array
+from sonocal.tables import csv_text, parse_table
 
 __all__ = [
     "Observations",
@@ -243,27 +244,33 @@ def read_observations(path: str | Path) -> Observations:
 
 def parse_observations(data: bytes, name: str) -> Observations:
     """The table in the content of a CSV file; `name` is what messages call it. As `read_observations`."""
-    header, rows, lines = _parse_csv(name, data)
-    _check_header(name, header)
-    if not rows:
-        raise InputError(f"{name}: has a header but no rows; write one row a sighting")
-    text = dict(zip(header, zip(*rows, strict=True), strict=True))
+    if not data.strip():
+        raise InputError(
+            f"{name}: is empty; it needs a header with the columns {', '.join(REQUIRED_COLUMNS)}"
+        )
+    table = parse_table(name, csv_text(name, data, "observations are"))
+    _check_header(name, table.header)
+    table.need_rows("write one row a sighting")
     numbers = {
-        column: _numbers(name, column, text[column], lines)
+        column: table.numbers(column)
         for column in (*REQUIRED_COLUMNS[2:], "w_px", "sigma_px", "sigma_mm")
-        if column in text
+        if column in table.columns
     }
     return Observations(
         points_px=np.column_stack([numbers[n] for n in ("u_px", "v_px", "w_px") if n in numbers]),
         segments_mm=np.column_stack([numbers[n] for n in SEGMENT_COLUMNS]).reshape(-1, 2, 3),
-        frame=_frames(name, text["frame"], lines),
-        target=np.array([t.strip() for t in text["target"]], dtype=np.str_),
-        split=np.array([s.strip() for s in text["split"]], dtype=np.str_) if "split" in text else _DEFAULT,
+        frame=_frames(name, table.columns["frame"], table.lines),
+        target=table.text("target"),
+        split=table.text("split") if "split" in table.columns else _DEFAULT,
         sigma_px=numbers.get("sigma_px"),
         sigma_mm=numbers.get("sigma_mm"),
-        extra={c: np.array(text[c], dtype=np.str_) for c in header if c not in KNOWN_COLUMNS},
+        extra={
+            column: np.array(cells, dtype=np.str_)
+            for column, cells in table.columns.items()
+            if column not in KNOWN_COLUMNS
+        },
         source=name,
-        lines=np.array(lines, dtype=np.int64),
+        lines=np.array(table.lines, dtype=np.int64),
         sha256=hashlib.sha256(data).hexdigest(),
     )
 
@@ -298,36 +305,6 @@ def observations_csv(observations: Observations) -> bytes:
     return text.getvalue().encode()
 
 
-def _parse_csv(name: str, data: bytes) -> tuple[list[str], list[list[str]], list[int]]:
-    if not data.strip():
-        raise InputError(
-            f"{name}: is empty; it needs a header with the columns {', '.join(REQUIRED_COLUMNS)}"
-        )
-    try:
-        content = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        content = "\0"
-    if "\0" in content:
-        raise FormatError(f"{name}: is not a text file; observations are a CSV table in UTF-8")
-    reader = csv.reader(io.StringIO(content, newline=""), strict=True)
-    rows, lines = [], []
-    try:
-        for row in reader:
-            if any(cell.strip() for cell in row):
-                rows.append(row)
-                lines.append(reader.line_num)
-    except csv.Error as error:
-        raise FormatError(f"{name}, line {reader.line_num}: is not CSV ({error})") from None
-    header = [cell.strip() for cell in rows[0]]
-    for row, line in zip(rows[1:], lines[1:], strict=True):
-        if len(row) != len(header):
-            raise FormatError(
-                f"{name}, line {line}: has {len(row)} cells where the header has {len(header)}; "
-                "quote cells that hold a comma"
-            )
-    return header, rows[1:], lines[1:]
-
-
 def _check_header(name: str, header: Sequence[str]) -> None:
     missing = [column for column in REQUIRED_COLUMNS if column not in header]
     if len(missing) == len(REQUIRED_COLUMNS):
@@ -340,28 +317,6 @@ def _check_header(name: str, header: Sequence[str]) -> None:
         raise InputError(
             f"{name}, line 1: lacks the column{plural} {', '.join(missing)}; the header has {', '.join(header)}"
         )
-    twice = [column for column in header if header.count(column) > 1]
-    if twice:
-        raise InputError(f"{name}, line 1: has the column {twice[0]} twice; rename or delete one")
-
-
-def _numbers(name: str, column: str, cells: Sequence[str], lines: Sequence[int]) -> Array:
-    try:
-        return np.array([float(cell) for cell in cells])
-    except ValueError:
-        row = next(i for i, cell in enumerate(cells) if not _is_number(cell))
-    arrived = f"{cells[row].strip()!r} is not a number" if cells[row].strip() else "the cell is empty"
-    raise InputError(
-        f"{name}, line {lines[row]}, column {column}: {arrived}; write a decimal number such as 12.5"
-    )
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _frames(name: str, cells: Sequence[str], lines: Sequence[int]) -> NDArray[np.int64]:

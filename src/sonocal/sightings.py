@@ -16,7 +16,7 @@ from sonocal.observations import Observations
 from sonocal.recording import Diagnostic, Line, Recording, with_latency
 from sonocal.recording.lines import check_lines
 from sonocal.recording.poses import OnInvalid
-from sonocal.recording.tables import parse_table
+from sonocal.tables import parse_table
 
 __all__ = ["Detections", "Sightings", "observations_from_recording", "read_detections"]
 
@@ -64,6 +64,7 @@ def read_detections(path: str | Path) -> Detections:
     """
     path = Path(path)
     table = parse_table(path.name, read_text(path, "a table of points"))
+    table.need_rows("write one row a point")
     if missing := [column for column in ("frame", "u_px", "v_px") if column not in table.columns]:
         raise InputError(
             f"{path.name}, line {table.lines[0] - 1}: lacks the column {missing[0]}; "
@@ -76,7 +77,7 @@ def read_detections(path: str | Path) -> Detections:
     return Detections(
         frame=frames.astype(np.int64),
         points_px=np.column_stack(coordinates),
-        target=np.array([t.strip() for t in table.columns.get("target", ("",) * len(frames))], dtype=np.str_),
+        target=table.text("target") if "target" in table.columns else np.full(len(frames), ""),
         sigma_px=table.numbers("sigma_px") if "sigma_px" in table.columns else None,
         source=path.name,
     )

@@ -2,37 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.markup import escape
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from sonocal.calibration import Calibration, ErrorStatistics
-from sonocal.findings import Diagnostic
 from sonocal.geometry import segment_directions, similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
 from sonocal.simulation.scene import SimulatedSightings
+from sonocal.terminal_parts import number_table, print_findings
 
-__all__ = ["print_calibration", "print_observations", "print_truth"]
+__all__ = ["observation_splits", "print_calibration", "print_observations", "print_truth"]
 
 
 def print_calibration(console: Console, calibration: Calibration) -> None:
     """Warnings, verdict, errors, matrix, findings."""
-    for warning in calibration.warnings:
-        console.print(_finding(warning))
+    print_findings(console, calibration.warnings)
     console.print(_verdict(calibration))
     console.print()
     console.print(_error_table(calibration))
     if calibration.covariance is not None:
         console.print(_prediction_table(calibration))
     console.print(_matrix(calibration))
-    for finding in calibration.diagnostics:
-        if finding.severity != "warning":
-            console.print(_finding(finding))
+    print_findings(console, calibration.diagnostics, "info")
 
 
 def print_truth(console: Console, calibration: Calibration, simulated: SimulatedSightings) -> None:
@@ -40,7 +37,7 @@ def print_truth(console: Console, calibration: Calibration, simulated: Simulated
     angle, distance, scale = similarity_errors(calibration.probe_from_image, simulated.probe_from_image)
     places, _, below = calibration.predicted_errors()
     missed = calibration.probe_from_image @ places - simulated.probe_from_image @ places
-    table = _table(
+    table = number_table(
         "Error against the known truth",
         "rotation, deg",
         "translation, mm",
@@ -60,42 +57,38 @@ def print_truth(console: Console, calibration: Calibration, simulated: Simulated
 
 def print_observations(console: Console, observations: Observations) -> None:
     """What is in a table of sightings."""
-    table = Table(
-        title=f"{observations.source}: sightings for a {observations.dimension}D probe",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
+    places = ("u, px", "v, px", "w, px")[: observations.dimension]
+    table = number_table(
+        f"{observations.source}: sightings for a {observations.dimension}D probe",
+        *("rows", "frames", "targets", *places, "tilt spread, deg"),
+        first="split",
     )
-    for name in (
-        "split",
-        "rows",
-        "frames",
-        "targets",
-        "u, px",
-        "v, px",
-        *(["w, px"] if observations.dimension == 3 else []),
-    ):
-        table.add_column(name, justify="left" if name == "split" else "right")
-    table.add_column("tilt spread, deg", justify="right")
-    for name in dict.fromkeys(observations.split.tolist()):
-        part = observations.select_split(name)
-        spans = [
-            f"{low:.0f} to {high:.0f}"
-            for low, high in zip(part.points_px.min(0), part.points_px.max(0), strict=True)
-        ]
-        spread = np.degrees(direction_spread(segment_directions(part.segments_mm)))
+    for split in observation_splits(observations):
         table.add_row(
-            escape(name) or "(none)",
-            str(len(part)),
-            str(len(set(part.frame.tolist()))),
-            str(len(set(part.target.tolist()))),
-            *spans,
-            f"{spread:.1f}",
+            escape(split["split"]) or "(none)",
+            *(str(split[name]) for name in ("rows", "frames", "targets")),
+            *(f"{low:.0f} to {high:.0f}" for low, high in zip(*split["box_px"], strict=True)),
+            f"{split['tilt_spread_deg']:.1f}",
         )
     console.print(table)
     if observations.extra:
         console.print(f"further columns, kept: {escape(', '.join(observations.extra))}")
+
+
+def observation_splits(observations: Observations) -> list[dict[str, Any]]:
+    """What is in each split of a table of sightings."""
+    parts = {name: observations.select_split(name) for name in dict.fromkeys(observations.split.tolist())}
+    return [
+        {
+            "split": name,
+            "rows": len(part),
+            "frames": len(set(part.frame.tolist())),
+            "targets": len(set(part.target.tolist())),
+            "box_px": [part.points_px.min(0).tolist(), part.points_px.max(0).tolist()],
+            "tilt_spread_deg": float(np.degrees(direction_spread(segment_directions(part.segments_mm)))),
+        }
+        for name, part in parts.items()
+    ]
 
 
 def _verdict(calibration: Calibration) -> Text:
@@ -109,25 +102,8 @@ def _verdict(calibration: Calibration) -> Text:
     return Text(f"Sound: {trust}", style="bold green") + Text(why, style="default")
 
 
-def _finding(finding: Diagnostic) -> RenderableType:
-    warning = finding.severity == "warning"
-    head = Text("warning " if warning else "note ", style="bold yellow" if warning else "bold cyan")
-    head.append(finding.code, style="dim")
-    body = Text(finding.message[0].upper() + finding.message[1:] + ".")
-    advice = Text("What to do: " + finding.advice + ".", style="italic")
-    return Group(head, Padding(body, (0, 0, 0, 2), expand=False), Padding(advice, (0, 0, 0, 2), expand=False))
-
-
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("")
-    for column in columns:
-        table.add_column(column, justify="right")
-    return table
-
-
 def _error_table(calibration: Calibration) -> Table:
-    table = _table(
+    table = number_table(
         "Distance of mapped points to their lines, mm",
         "rms",
         "median",
@@ -149,7 +125,7 @@ def _statistics(errors: ErrorStatistics) -> list[str]:
 def _prediction_table(calibration: Calibration) -> Table:
     places, rms, below = calibration.predicted_errors()
     axes = ", ".join("uvw"[: calibration.dimension])
-    table = _table("Predicted error of the calibration, mm", f"at ({axes}), px", "rms", "95 % below")
+    table = number_table("Predicted error of the calibration, mm", f"at ({axes}), px", "rms", "95 % below")
     for i, place in enumerate(places):
         name = "centre" if i == len(places) - 1 else "corner"
         table.add_row(name, ", ".join(f"{x:.0f}" for x in place), f"{rms[i]:.2f}", f"{below[i]:.2f}")

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 
-from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from sonocal.calibration import Calibration
-from sonocal.findings import Diagnostic
 from sonocal.report.verdict import Verdict, give_verdict
-from sonocal.validation import Comparison, Quantity, Validation
+from sonocal.terminal_parts import number_table, print_findings
+from sonocal.validation import Comparison, PointSightings, Quantity, Validation
 
-__all__ = ["print_validation"]
+__all__ = ["print_point_sightings", "print_validation"]
 
 COLOURS = {"use": "green", "care": "yellow", "stop": "red"}
 
@@ -34,11 +33,18 @@ def print_validation(
     if comparison is not None:
         console.print()
         console.print(_comparison(comparison))
-    findings = sorted(
-        [*calibration.diagnostics, *validation.diagnostics], key=lambda finding: finding.severity != "warning"
-    )
-    for finding in findings:
-        console.print(_finding(finding))
+    print_findings(console, [*calibration.diagnostics, *validation.diagnostics])
+
+
+def print_point_sightings(console: Console, points: PointSightings) -> None:
+    """What is in a table of points whose place or pose is known."""
+    table = number_table(f"{points.source}: points whose place is known", "points", "images", first="target")
+    for target in dict.fromkeys(points.target.tolist()):
+        here = points.target == target
+        table.add_row(target or "(none)", str(int(here.sum())), str(len(set(points.frame[here].tolist()))))
+    console.print(table)
+    known = {"places": points.points_mm, "poses of the probe": points.tracker_from_probe}
+    console.print("With " + " and ".join(name for name, given in known.items() if given is not None) + ".")
 
 
 def _verdict(verdict: Verdict) -> Text:
@@ -47,16 +53,8 @@ def _verdict(verdict: Verdict) -> Text:
     return text
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("")
-    for column in columns:
-        table.add_column(column, justify="right")
-    return table
-
-
 def _numbers(validation: Validation) -> Table:
-    table = _table(f"Errors on {validation.source}, mm", "value", "95 % interval", "spread", "from")
+    table = number_table(f"Errors on {validation.source}, mm", "value", "95 % interval", "spread", "from")
     for q in validation.quantities:
         interval = "unknown" if math.isnan(q.low_mm) else f"{q.low_mm:.2f} to {q.high_mm:.2f}"
         table.add_row(
@@ -70,19 +68,10 @@ def _definition(quantity: Quantity) -> RenderableType:
 
 
 def _comparison(comparison: Comparison) -> RenderableType:
-    table = _table("Against the other calibration, mm", "apart", "uncertainty allows (95 %)")
+    table = number_table("Against the other calibration, mm", "apart", "uncertainty allows (95 %)")
     for place, distance, allowed in comparison.rows:
         table.add_row(f"at {place} px", f"{distance:.2f}", f"{allowed:.2f}")
     shared = (
         " Both were fitted to the same rows: their errors go together." if comparison.shared_input else ""
     )
     return Group(table, Text(comparison.sentence + shared))
-
-
-def _finding(finding: Diagnostic) -> RenderableType:
-    warning = finding.severity == "warning"
-    head = Text("warning " if warning else "note ", style="bold yellow" if warning else "bold cyan")
-    head.append(finding.code, style="dim")
-    body = Text(finding.message[0].upper() + finding.message[1:] + ".")
-    advice = Text("What to do: " + finding.advice + ".", style="italic")
-    return Group(head, Padding(body, (0, 0, 0, 2), expand=False), Padding(advice, (0, 0, 0, 2), expand=False))

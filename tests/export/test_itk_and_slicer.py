@@ -1,3 +1,5 @@
+import io
+
 import numpy as np
 import pytest
 
@@ -61,3 +63,10 @@ def test_the_files_say_what_they_hold():
     similarity = random_similarity(0)
     assert b"to millimetres in the probe marker's frame" in itk.itk_tfm(similarity)
     assert b"this file holds its inverse in LPS" in slicer.slicer_tfm(similarity)
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    for content, words in (
+        (itk.itk_h5(similarity), "the mm per px are inside the matrix"),
+        (slicer.slicer_h5(similarity), "this file holds its inverse in LPS"),
+    ):
+        with h5py.File(io.BytesIO(content)) as file:
+            assert words in file.attrs["convention"]

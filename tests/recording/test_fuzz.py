@@ -5,23 +5,15 @@ parts cut, repeated or exchanged, numbers replaced by extreme ones. Python canno
 a single example portably, so the tests bound what a reader may allocate: no more than a little beside its file.
 """
 
-import io
 import re
 import tracemalloc
 
-import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonocal import SonocalError
-from sonocal.recording import health, read_device_set, read_lines, read_recording, write_recording
-from sonocal.sightings import read_detections
-from tests.broken.make_files import FILES
-from tests.recording.makers import random_poses, random_recording
-from tests.recording.test_device_set import PHANTOM
-from tests.recording.test_tables_and_images import dicom_file, images, matrices_in, motive
-from tests.recording.test_tools import LINE
+from tests.readers import READERS, sound_files, whole
 
 MEMORY_LIMIT = 64 << 20
 NUMBERS = [
@@ -36,68 +28,6 @@ NUMBERS = [
     b"1000000",
     b"\xff",
 ]
-
-
-def whole(path):
-    recording = read_recording(path)
-    for frame in recording.frames[:4]:
-        assert frame.shape == recording.frames.shape
-    return health(recording)
-
-
-def sound_files(folder):
-    """One small sound file of every format, and its reader."""
-    recording = random_recording(0, n=3, size=(5, 4))
-    for name, kwargs in {
-        "a.mha": {},
-        "b.mha": {"compress": False},
-        "c.nrrd": {},
-        "d.nrrd": {"compress": False},
-    }.items():
-        write_recording(recording, folder / name, **kwargs)
-    write_recording(random_recording(0, n=3, size=None), folder / "e.mha")
-    write_recording(random_recording(0, n=2, size=(3, 2, 2), channels=3), folder / "f.mha")
-    write_recording(recording, folder / "g.mhd")
-    matrices = random_poses(np.random.default_rng(0), 12)
-    for form in ("cells", "matrix", "quaternion"):
-        matrices_in(form, folder / f"{form}.csv", matrices)
-    motive(folder / "motive.csv", matrices, blank=(2,))
-    (folder / "devices.xml").write_text(PHANTOM)
-    (folder / "lines.toml").write_text(LINE)
-    (folder / "points.csv").write_text("frame,u_px,v_px,sigma_px\n0,10.5,20,0.5\n7,1,2,0.5\n")
-    return {
-        p.name: {"devices.xml": read_device_set, "lines.toml": read_lines, "points.csv": read_detections}.get(
-            p.name, whole
-        )
-        for p in folder.iterdir()
-        if p.suffix != ".zraw"
-    }
-
-
-NAMES = [
-    "a.mha",
-    "b.mha",
-    "c.nrrd",
-    "d.nrrd",
-    "e.mha",
-    "f.mha",
-    "g.mhd",
-    "cells.csv",
-    "matrix.csv",
-    "quaternion.csv",
-    "motive.csv",
-    "devices.xml",
-    "lines.toml",
-    "points.csv",
-]
-
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("sound")
-    readers = sound_files(folder)
-    assert set(readers) == set(NAMES)
-    return {name: ((folder / name).read_bytes(), reader) for name, reader in readers.items()}
 
 
 @st.composite
@@ -163,30 +93,21 @@ def empty_value(data, a, b):
 KINDS = [flip, cut, drop, repeat_line, drop_line, extreme_number, extreme_number, empty_value]
 
 
-@pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(change=damage())
-def test_damaged_files_end_in_a_sentence(sound, tmp_path, name, change):
-    data, reader = sound[name]
-    path = tmp_path / name
-    path.write_bytes(change(data))
-    if name == "g.mhd":
-        write_recording(random_recording(0, n=3, size=(5, 4)), tmp_path / "g.mhd")
-        path.write_bytes(change(data))
-    bounded(reader, path)
-
-
-@pytest.mark.parametrize("name", [n for n in FILES if not n.endswith((".xml", ".raw"))])
-def test_broken_files_cost_nothing(tmp_path, name):
-    (tmp_path / name).write_bytes(FILES[name])
-    bounded(whole, tmp_path / name)
+@pytest.mark.parametrize("name", READERS)
+@settings(max_examples=150)
+@given(data=st.data(), change=damage())
+def test_damaged_files_end_in_a_sentence(tmp_path_factory, name, data, change):
+    content = data.draw(st.sampled_from(sound_files(name)))
+    path = tmp_path_factory.mktemp("damaged") / f"input{READERS[name].suffix}"
+    path.write_bytes(change(content))
+    bounded(READERS[name].read, path)
 
 
 @settings(max_examples=100)
 @given(
-    st.binary(max_size=300),
-    st.sampled_from([".mha", ".nrrd", ".csv", ".mp4", ".dcm", ".txt", ".xml", ".toml"]),
-    st.sampled_from(
+    content=st.binary(max_size=300),
+    name=st.sampled_from(sorted(READERS)),
+    start=st.sampled_from(
         [
             b"",
             b"NRRD0005\n",
@@ -194,48 +115,15 @@ def test_broken_files_cost_nothing(tmp_path, name):
             b"\0" * 128 + b"DICM",
             b"Format Version,1.2\n",
             b"\0\0\0 ftyp",
+            b"\x89PNG\r\n\x1a\n",
         ]
     ),
 )
-def test_any_bytes_end_in_a_sentence(tmp_path_factory, data, suffix, start):
-    path = tmp_path_factory.mktemp("any") / f"a{suffix}"
-    path.write_bytes(start + data)
-    reader = {".xml": read_device_set, ".toml": read_lines}.get(suffix, whole)
-    bounded(reader, path)
-
-
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(change=damage())
-def test_damaged_dicom_ends_in_a_sentence(tmp_path, change):
-    path = tmp_path / "a.dcm"
-    dicom_file(path, images((3, 4, 5)), FrameTime="50")
-    path.write_bytes(change(path.read_bytes()))
-    bounded(whole, path)
-
-
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(change=damage())
-def test_damaged_png_ends_in_a_sentence(tmp_path, change):
-    pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
-    pillow.fromarray(images()[0]).save(tmp_path / "a.png")
-    (tmp_path / "a.png").write_bytes(change((tmp_path / "a.png").read_bytes()))
-    bounded(whole, tmp_path)
-
-
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(change=damage())
-def test_damaged_video_ends_in_a_sentence(tmp_path, change):
-    av = pytest.importorskip("av", reason="PyAV is not installed")
-    content = io.BytesIO()
-    with av.open(content, "w", format="mp4") as container:
-        stream = container.add_stream("mpeg4", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 32, 16, "yuv420p"
-        for i in range(3):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((16, 32, 3), 9 * i, np.uint8))))
-        container.mux(stream.encode())
-    path = tmp_path / "a.mp4"
-    path.write_bytes(change(content.getvalue()))
-    bounded(whole, path)
+def test_any_bytes_end_in_a_sentence(tmp_path_factory, content, name, start):
+    path = tmp_path_factory.mktemp("any") / f"input{READERS[name].suffix}"
+    path.write_bytes(start + content)
+    for read in (READERS[name].read, whole):
+        bounded(read, path)
 
 
 def bounded(reader, path):

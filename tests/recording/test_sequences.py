@@ -1,5 +1,6 @@
 """Laws of the sequence formats, run on every one of them."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -162,6 +163,22 @@ def test_frames_come_in_any_order(tmp_path, suffix):
     np.testing.assert_array_equal(np.stack(list(frames[50:3:-7])), np.stack(list(recording.frames[50:3:-7])))
     with pytest.raises(IndexError, match="frame 60 of 60"):
         frames[60]
+
+
+@pytest.mark.parametrize("suffix", (".mha", ".nrrd"))
+@pytest.mark.parametrize("compress", [True, False])
+def test_streaming_holds_one_frame(tmp_path, suffix, compress):
+    """Beside the frame there is room for the decoder's window and a little of the file."""
+    write_recording(random_recording(1, n=6, size=(1200, 1000)), tmp_path / f"a{suffix}", compress)
+    recording = read_recording(tmp_path / f"a{suffix}")
+    frame_bytes = recording.frames.frame_bytes
+    tracemalloc.start()
+    for frame in recording.frames:
+        assert frame.nbytes == frame_bytes
+        del frame  # what the caller keeps is the caller's
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < frame_bytes + 200_000
 
 
 def test_frames_cannot_be_written_to(tmp_path):

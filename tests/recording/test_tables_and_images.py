@@ -1,12 +1,16 @@
 """Poses in tables, images in videos, folders and DICOM, and both joined by time."""
 
 import csv
+import struct
+import tracemalloc
+import zlib
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from sonocal import FormatError, InputError, UnsupportedError
+from sonocal.contact_sheet import png
 from sonocal.recording import read_recording, write_recording
 from tests.recording.makers import random_poses, random_recording
 
@@ -100,7 +104,10 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
             "a.csv: has no columns of poses; name them ProbeToTrackerTransform, Probe_m00 to Probe_m33, or "
             "Probe_qw, Probe_qx, Probe_qy, Probe_qz, Probe_x, Probe_y, Probe_z",
         ),
-        ("t,qw,qx,qy,qz,x,y,z\n0,1,0,0,zero,1,2,3\n", "a.csv, line 2, column qz: 'zero' is not a number"),
+        (
+            "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,zero,1,2,3\n",
+            "a.csv, line 2, column qz: 'zero' is not a number; write a decimal number such as 12.5",
+        ),
         ("t,qw,qx,qy,qz,x,y\n0,1,0,0,0,1,2\n", "a.csv, line 1: lacks the column z beside x"),
         (
             "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,1,1,2,3\n",
@@ -110,8 +117,8 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
             "t,ProbeToTrackerTransform\n0,1 2 3\n",
             "a.csv, line 2, column ProbeToTrackerTransform: '1 2 3' is not 16 numbers",
         ),
-        ("t,qw\n0\n", "a.csv, line 2: has 1 cells where the header has 2"),
-        ("t,qw\n", "a.csv: has 1 lines; a table needs a header and a row"),
+        ("t,qw\n0\n", "a.csv, line 2: has 1 cells where the header has 2; quote cells that hold a comma"),
+        ("t,qw\n", "a.csv: has a header but no rows; write one row an instant"),
         ("nan,qw\n0,1\n", "a.csv, line 1: lacks the column qx beside qw"),
     ],
 )
@@ -295,3 +302,42 @@ def test_images_without_times_are_not_joined(tmp_path):
         InputError, match="its items have no times, so poses cannot be joined to images; add stamps"
     ):
         read_recording(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("size", "kind", "sentence"),
+    [
+        (
+            (8000, 8000),
+            UnsupportedError,
+            "a.png: one frame of 8000x8000x3 uint8 takes 192000000 bytes, more than",
+        ),
+        (
+            (60000, 60000),
+            FormatError,
+            "a.png: is not an image that can be read (Image size (3600000000 pixels)",
+        ),
+    ],
+)
+def test_a_picture_that_claims_to_be_huge_is_refused_before_it_is_decoded(tmp_path, size, kind, sentence):
+    pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    small = png(np.zeros((2, 3, 3), dtype=np.uint8))
+    header = struct.pack(">4sIIBBBBB", b"IHDR", *size, 8, 2, 0, 0, 0)
+    claims = small[:12] + header + struct.pack(">I", zlib.crc32(header)) + small[33:]
+    (tmp_path / "a.png").write_bytes(claims)
+    tracemalloc.start()
+    with pytest.raises(kind) as caught:
+        read_recording(tmp_path / "a.png")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert str(caught.value).startswith(sentence)
+    assert peak < 10_000_000
+
+
+def test_a_single_picture_is_a_recording_of_one_frame(tmp_path):
+    pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    pixels = images((1, 6, 8))[0]
+    (tmp_path / "a.png").write_bytes(png(pixels))
+    recording = read_recording(tmp_path / "a.png")
+    assert (len(recording), recording.image.size_px, recording.provenance.format) == (1, (8, 6), "image")
+    np.testing.assert_array_equal(recording.frames[0], pixels)

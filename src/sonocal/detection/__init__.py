@@ -2,7 +2,7 @@
 
 from sonocal.detection.grey import as_grey
 from sonocal.detection.lines import LineCandidate, detect_lines, line_through_slices
-from sonocal.detection.masks import find_mask
+from sonocal.detection.masks import find_mask, read_mask
 from sonocal.detection.points import Candidates, PointDetector, detect_points
 from sonocal.detection.slices import VolumeSlice, slice_volume
 
@@ -16,5 +16,6 @@ __all__ = [
     "detect_points",
     "find_mask",
     "line_through_slices",
+    "read_mask",
     "slice_volume",
 ]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.detection.grey import as_grey
+from sonocal.errors import InputError
+from sonocal.recording import read_recording
 
-__all__ = ["find_mask"]
+__all__ = ["find_mask", "read_mask"]
 
 Mask = NDArray[np.bool_]
 
@@ -45,6 +48,28 @@ def find_mask(frames: Sequence[NDArray[Any]], dimension: int = 2) -> Mask:
         least, greatest = np.minimum(least, grey), np.maximum(greatest, grey)
     overlay = _overlay(least, greatest) if len(index) > 2 else np.zeros(least.shape, dtype=bool)
     return np.asarray(_fan((greatest > 0) & ~overlay) & ~overlay)
+
+
+def read_mask(path: str | Path, shape: tuple[int, ...]) -> Mask:
+    """A mask drawn by hand: an image (PNG, MetaIO, ...), not black where to look.
+
+    Args:
+        path: the image.
+        shape: of the images to look at, (rows, columns).
+
+    Raises:
+        InputError: it cannot be read, or has another size.
+    """
+    drawn = read_recording(path)
+    if len(drawn.frames) != 1:
+        raise InputError(f"{drawn.name}: holds {len(drawn.frames)} images; a mask is one")
+    mask = as_grey(drawn.frames[0], 2, drawn.name) > 0
+    if mask.shape != tuple(shape):
+        raise InputError(
+            f"{drawn.name}: is {mask.shape[1]} x {mask.shape[0]} px where the images are {shape[1]} x {shape[0]}; "
+            "draw the mask over one of them"
+        )
+    return np.asarray(mask)
 
 
 def _overlay(least: NDArray[np.float32], greatest: NDArray[np.float32]) -> Mask:

@@ -1,44 +1,227 @@
-"""PLUS toolkit: the calibration as the ``ImageToProbe`` transform of a device set."""
+"""PLUS toolkit: the calibration as the ``ImageToProbe`` transform of a device set, a new one or one that exists."""
 
 from __future__ import annotations
 
 import datetime
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from xml.etree import ElementTree
+from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
 
 from sonocal.calibration import Calibration
+from sonocal.errors import FormatError, InputError
 
-__all__ = ["plus_xml"]
+__all__ = ["plus_xml", "put_into_device_set"]
 
 COMMENT = (
-    " ImageToProbe maps pixels to millimetres in the probe marker's frame: its columns hold the mm per px. "
+    " {image}To{probe} maps pixels to millimetres in the probe marker's frame: its columns hold the mm per px. "
     "Pixels are (u right, v down) of the MF-oriented image, counted from the centre of the top left one. "
-    "Copy the Transform into the CoordinateDefinitions of your device set. "
 )
+COPY = "Copy the Transform into the CoordinateDefinitions of your device set. "
+PLACE = ("PlusConfiguration", "CoordinateDefinitions")
+BOM = b"\xef\xbb\xbf"
 
 
-def plus_xml(calibration: Calibration) -> bytes:
+def plus_xml(calibration: Calibration, image: str = "Image", probe: str = "Probe") -> bytes:
     """A PLUS configuration that holds the calibration alone.
 
     PLUS's ``From="Image" To="Probe"`` is ``probe_from_image``; numbers are written so that reading them
     gives the same to the last bit. ``Error`` is the root mean square distance in mm of the held-out rows
     from their lines, or of the fitted rows where none were held out.
+
+    Args:
+        calibration: what to write.
+        image: what PLUS calls the image's frame.
+        probe: what PLUS calls the frame of the probe's marker.
     """
     root = ElementTree.Element("PlusConfiguration", version="2.1")
     definitions = ElementTree.SubElement(root, "CoordinateDefinitions")
-    definitions.append(ElementTree.Comment(COMMENT))
-    ElementTree.SubElement(
-        definitions,
-        "Transform",
-        From="Image",
-        To="Probe",
-        Matrix=matrix_text(calibration),
-        Error=f"{(calibration.test or calibration.fit).rms_mm:.6g}",
-        Date=datetime.datetime.now().astimezone().strftime("%m%d%y_%H%M%S"),
-    )
+    definitions.append(ElementTree.Comment(COMMENT.format(image=image, probe=probe) + COPY))
+    ElementTree.SubElement(definitions, "Transform", {"From": image, "To": probe, **_values(calibration)})
     ElementTree.indent(root)
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
+
+
+def put_into_device_set(
+    calibration: Calibration, content: bytes, name: str, image: str = "Image", probe: str = "Probe"
+) -> bytes:
+    """A device set that differs from the one given in the calibration's transform alone, every other byte kept.
+
+    The transform's Matrix, Error and Date are replaced where it stands; where it does not, it is added to the
+    CoordinateDefinitions, with a comment on what it maps.
+
+    Args:
+        calibration: what to put in.
+        content: the device set.
+        name: what messages call it.
+        image: what the device set calls the image's frame.
+        probe: what the device set calls the frame of the probe's marker.
+
+    Raises:
+        FormatError: it is not XML in UTF-8, or declares a document type.
+        InputError: it is another XML document, holds the transform twice, or connects the two frames otherwise.
+    """
+    start = len(BOM) if content.startswith(BOM) else 0
+    body = content[start:]
+    there = _look(body, name)
+    if there.name != PLACE[0]:
+        raise InputError(f"{name}: its root is <{there.name[:40]}> where a PLUS device set has <{PLACE[0]}>")
+    same = there.transforms.get((image, probe), [])
+    if len(same) > 1:
+        raise InputError(f"{name}: defines {image}To{probe} {len(same)} times; delete all but one")
+    if _connected([pair for pair in there.transforms if pair != (image, probe)], image, probe):
+        raise InputError(
+            f"{name}: leads from {image} to {probe} by other transforms already; PLUS allows one way between two "
+            "frames, so delete one of them"
+        )
+    values = _values(calibration)
+    if same:
+        edited = _replaced(body, same[0], values)
+    else:
+        edited = _added(body, there, {"From": image, "To": probe, **values}, name)
+    return content[:start] + edited
 
 
 def matrix_text(calibration: Calibration) -> str:
     """The matrix, row by row, as PLUS writes it."""
     return "  ".join(" ".join(repr(float(x)) for x in row) for row in calibration.probe_from_image.matrix)
+
+
+def _values(calibration: Calibration) -> dict[str, str]:
+    return {
+        "Matrix": matrix_text(calibration),
+        "Error": f"{(calibration.test or calibration.fit).rms_mm:.6g}",
+        "Date": datetime.datetime.now().astimezone().strftime("%m%d%y_%H%M%S"),
+    }
+
+
+@dataclass
+class _Found:
+    """Where things stand in a device set, in bytes from its start.
+
+    Elements are (start of the tag that opens them, start of the tag that closes them); of an empty ``<.../>`` the
+    second is its end.
+    """
+
+    name: str = ""
+    root: tuple[int, int] = (0, 0)
+    definitions: tuple[int, int] | None = None
+    transforms: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+
+
+def _look(body: bytes, name: str) -> _Found:
+    found, path = _Found(), []
+    parser = expat.ParserCreate()
+
+    def opened(tag: str, attributes: dict[str, str]) -> None:
+        path.append(tag)
+        if len(path) == 1:
+            found.name, found.root = tag, (parser.CurrentByteIndex, -1)
+        if tuple(path) == PLACE and found.definitions is None:
+            found.definitions = (parser.CurrentByteIndex, -1)
+        if tuple(path) == (*PLACE, "Transform"):
+            key = attributes.get("From", ""), attributes.get("To", "")
+            found.transforms.setdefault(key, []).append(parser.CurrentByteIndex)
+
+    def closed(tag: str) -> None:
+        if tuple(path) == PLACE and found.definitions is not None and found.definitions[1] < 0:
+            found.definitions = (found.definitions[0], parser.CurrentByteIndex)
+        if len(path) == 1:
+            found.root = (found.root[0], parser.CurrentByteIndex)
+        path.pop()
+
+    def declared(*_: object) -> None:
+        raise FormatError(
+            f"{name}: declares a document type or entities, which a device set never needs; delete them"
+        )
+
+    parser.StartElementHandler, parser.EndElementHandler = opened, closed
+    parser.StartDoctypeDeclHandler = declared
+    try:
+        body.decode("utf-8")
+        parser.Parse(body, True)
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{name}: byte {error.start} is not UTF-8; save the device set as UTF-8") from None
+    except expat.ExpatError as error:
+        raise FormatError(f"{name}: is not XML ({error})") from None
+    return found
+
+
+def _connected(pairs: Iterable[tuple[str, str]], first: str, second: str) -> bool:
+    """Whether transforms lead from one frame to another, whichever way each is given."""
+    reached, before = {first}, 0
+    while len(reached) > before:
+        before = len(reached)
+        reached |= {frame for pair in pairs if reached & set(pair) for frame in pair}
+    return second in reached
+
+
+def _replaced(body: bytes, start: int, values: Mapping[str, str]) -> bytes:
+    """The tag at `start` with the attributes it has set to new values; a Matrix is added where it has none."""
+    end = _tag_end(body, start)
+    tag = body[start:end]
+    for key, value in values.items():
+        pattern = rb"(\s" + key.encode() + rb"\s*=\s*)(\"[^\"]*\"|'[^']*')"
+        match = re.search(pattern, tag)
+        if match:
+            quote = match[2][:1]
+            tag = tag[: match.start(2)] + quote + value.encode() + quote + tag[match.end(2) :]
+        elif key == "Matrix":
+            tag = (
+                tag[: len("<Transform")].replace(b"<Transform", b"<Transform " + _attribute(key, value))
+                + (tag[len("<Transform") :])
+            )
+    return body[:start] + tag + body[end:]
+
+
+def _added(body: bytes, there: _Found, attributes: Mapping[str, str], name: str) -> bytes:
+    """The device set with the transform as the last of its CoordinateDefinitions, indented as its neighbours."""
+    comment = COMMENT.format(image=attributes["From"], probe=attributes["To"])
+    if "--" in comment:
+        raise InputError(f"{name}: a frame's name must not hold '--'")
+    transform = b"<Transform " + b" ".join(_attribute(*pair) for pair in attributes.items()) + b" />"
+    lines = [f"<!--{comment}-->".encode(), transform]
+    if there.definitions is not None:
+        return _filled(body, there.definitions, PLACE[1], lines)
+    step = _step(body)
+    wrapped = [b"<CoordinateDefinitions>", *(step + line for line in lines), b"</CoordinateDefinitions>"]
+    return _filled(body, there.root, PLACE[0], wrapped)
+
+
+def _filled(body: bytes, element: tuple[int, int], tag: str, lines: list[bytes]) -> bytes:
+    """The body with lines at the end of an element, one step further in than its own tags."""
+    newline = b"\r\n" if b"\r\n" in body else b"\n"
+    start, closing = element
+    indent = _indent(body, start)
+    text = b"".join(indent + _step(body) + line + newline for line in lines)
+    if not body.startswith(b"</", closing):
+        opened = body[start:closing].removesuffix(b"/>").rstrip() + b">"
+        return body[:start] + opened + newline + text + indent + f"</{tag}>".encode() + body[closing:]
+    blanks = body[body.rfind(b"\n", 0, closing) + 1 : closing]
+    own_line = not blanks.strip(b" \t") and b"\n" in body[:closing]
+    head = body[: closing - len(blanks)] if own_line else body[:closing] + newline
+    return head + text + (blanks if own_line else indent) + body[closing:]
+
+
+def _step(body: bytes) -> bytes:
+    """By how much the device set indents."""
+    return b"\t" if b"\n\t" in body else b"  "
+
+
+def _indent(body: bytes, place: int) -> bytes:
+    """The blanks at the start of the line of `place`."""
+    line = body[body.rfind(b"\n", 0, place) + 1 : place]
+    return line[: len(line) - len(line.lstrip(b" \t"))]
+
+
+def _tag_end(body: bytes, start: int) -> int:
+    """Behind the tag that starts at `start`: attributes may hold a >."""
+    match = re.compile(rb"<(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>").match(body, start)
+    assert match is not None, "expat accepted the tag"
+    return match.end()
+
+
+def _attribute(key: str, value: str) -> bytes:
+    return f"{key}={quoteattr(value)}".encode()

@@ -21,7 +21,8 @@ __all__ = ["slicer_h5", "slicer_matrix", "slicer_tfm"]
 LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 CONVENTION = (
     "for 3D Slicer: loads as a linear transform whose transform to parent (RAS) is probe_from_image, pixels (u right, "
-    "v down; origin: centre of the first pixel) to millimetres in the probe marker's frame; "
+    "v down; origin: centre of the first pixel) to millimetres in the probe marker's frame, the mm per px "
+    "inside; "
     "this file holds its inverse in LPS, as Slicer's files do"
 )
 

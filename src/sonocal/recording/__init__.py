@@ -4,7 +4,7 @@ from sonocal.findings import Diagnostic
 from sonocal.recording.device_set import DeviceSet, read_device_set, read_lines
 from sonocal.recording.frames import ArrayFrames, Frames
 from sonocal.recording.health import Summary, ToolSummary, health, summarize
-from sonocal.recording.lines import Line, write_lines
+from sonocal.recording.lines import Line, Point, lines_toml, read_points_toml, write_lines
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 from sonocal.recording.needle import (
     DigitisedPoint,
@@ -12,6 +12,7 @@ from sonocal.recording.needle import (
     digitise_point,
     needle_from_axis,
     needle_from_points,
+    needle_from_spin,
 )
 from sonocal.recording.pivot import PivotCalibration, calibrate_pivot
 from sonocal.recording.poses import Poses
@@ -38,6 +39,7 @@ __all__ = [
     "Line",
     "NeedleCalibration",
     "PivotCalibration",
+    "Point",
     "Poses",
     "Provenance",
     "Recording",
@@ -52,11 +54,14 @@ __all__ = [
     "health",
     "interpolate_poses",
     "join",
+    "lines_toml",
     "motion_signal",
     "needle_from_axis",
     "needle_from_points",
+    "needle_from_spin",
     "read_device_set",
     "read_lines",
+    "read_points_toml",
     "read_recording",
     "summarize",
     "with_latency",

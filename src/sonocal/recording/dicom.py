@@ -14,7 +14,7 @@ import numpy as np
 from sonocal.errors import FormatError, UnsupportedError
 from sonocal.files import file_size
 from sonocal.geometry import Array
-from sonocal.recording.frames import Frames, Image, check_frame_size
+from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.layout import COUNT_LIMIT
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 
@@ -72,7 +72,7 @@ class DicomFrames(Frames):
         signed = int(_number(places[0][0], header, "PixelRepresentation", 0))
         self.dtype = np.dtype(f"{'i' if signed else 'u'}{bits // 8}")
         self.shape = (rows, columns) + ((3,) if channels == 3 else ())
-        check_frame_size(name, self.shape, self.dtype)
+        check_frame_size(name, self.shape, self.dtype, PICTURE_LIMIT)
 
     def __len__(self) -> int:
         return len(self._places)

@@ -17,12 +17,23 @@ from numpy.typing import NDArray
 from sonocal.errors import FormatError, UnsupportedError
 from sonocal.files import file_size, read_at
 
-__all__ = ["ArrayFrames", "Frames", "MappedFrames", "RawFrames", "SelectedFrames", "no_frames"]
+__all__ = [
+    "PICTURE_LIMIT",
+    "ArrayFrames",
+    "Frames",
+    "MappedFrames",
+    "RawFrames",
+    "SelectedFrames",
+    "check_frame_size",
+    "no_frames",
+]
 
 Image = NDArray[Any]
 
 FRAME_LIMIT = 1 << 32
 """Largest single frame, bytes; beyond it a header is taken for damaged before memory is asked for."""
+PICTURE_LIMIT = 1 << 27
+"""The same of 2D images in formats whose decoders make much out of few bytes: 44 million pixels in colour."""
 
 
 class Frames(Sequence[Image]):
@@ -168,10 +179,12 @@ def as_frame(
     return frame
 
 
-def check_frame_size(name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+def check_frame_size(
+    name: str, shape: tuple[int, ...], dtype: np.dtype[Any], limit: int = FRAME_LIMIT
+) -> None:
     """Refuse frames that no scanner makes, before anything is allocated."""
-    if (size := frame_bytes(shape, dtype)) > FRAME_LIMIT:
+    if (size := frame_bytes(shape, dtype)) > limit:
         raise UnsupportedError(
             f"{name}: one frame of {'x'.join(map(str, shape))} {dtype.name} takes {size} bytes, more than "
-            f"the {FRAME_LIMIT} that sonocal reads; is the header damaged?"
+            f"the {limit} that sonocal reads; is the header damaged?"
         )

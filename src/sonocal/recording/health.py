@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,6 +16,8 @@ from sonocal.recording.poses import RIGID_TOLERANCE, Poses, rigidity_error
 
 __all__ = ["Summary", "ToolSummary", "health", "summarize"]
 
+Progress = Callable[[int, int], None]
+
 # A gap is this many usual intervals; one or two dropped frames are normal.
 GAP_FACTOR = 4.0
 # A tool that moves less than this is at rest: trackers jitter by a few tenths.
@@ -27,11 +29,19 @@ MANY_INVALID = 0.1
 
 @dataclass(frozen=True)
 class ToolSummary:
-    """One tracked tool: its name, how many poses it has, how many are valid and how far it moved (mm)."""
+    """One tracked tool.
+
+    Attributes:
+        name: such as "ProbeToTracker".
+        poses, valid: how many there are, and how many of them hold.
+        longest_loss: invalid poses in a row, at most.
+        travel_mm: how far it moved from its median place.
+    """
 
     name: str
     poses: int
     valid: int
+    longest_loss: int
     travel_mm: float
 
 
@@ -58,8 +68,8 @@ class Summary:
     diagnostics: tuple[Diagnostic, ...]
 
 
-def summarize(recording: Recording, look_at_images: bool = True) -> Summary:
-    """What is in a recording, and what is wrong with it."""
+def summarize(recording: Recording, look_at_images: bool = True, progress: Progress | None = None) -> Summary:
+    """What is in a recording, and what is wrong with it: see `health`."""
     times = recording.times
     timed = len(times) > 1 and bool(np.isfinite(times).all())
     duration = float(times.max() - times.min()) if timed else None
@@ -71,16 +81,19 @@ def summarize(recording: Recording, look_at_images: bool = True) -> Summary:
         rate_hz=(len(times) - 1) / duration if duration else None,
         image=recording.image,
         tools=tuple(_tool(poses) for poses in recording.poses.values()),
-        diagnostics=health(recording, look_at_images),
+        diagnostics=health(recording, look_at_images, progress),
     )
 
 
-def health(recording: Recording, look_at_images: bool = True) -> tuple[Diagnostic, ...]:
+def health(
+    recording: Recording, look_at_images: bool = True, progress: Progress | None = None
+) -> tuple[Diagnostic, ...]:
     """What to know about a recording before using it.
 
     Args:
         recording: what to look at.
         look_at_images: decode every image to find repeated ones.
+        progress: called with how many images are done and how many there are.
 
     Returns:
         What the reader noticed, then stamps, poses tool by tool, and images.
@@ -91,7 +104,7 @@ def health(recording: Recording, look_at_images: bool = True) -> tuple[Diagnosti
     if recording.image is not None:
         found += _image_status(recording)
         if look_at_images:
-            found += _repeated_images(recording)
+            found += _repeated_images(recording, progress)
     return tuple(found)
 
 
@@ -122,9 +135,10 @@ def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
     gaps = np.flatnonzero(steps > GAP_FACTOR * usual) if usual > 0 else np.empty(0, dtype=np.int64)
     if len(gaps):
         widest = int(gaps[np.argmax(steps[gaps])])
+        what = "gap is" if len(gaps) == 1 else "gaps are"
         yield _warning(
             "gaps",
-            f"{len(gaps)} gaps are longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
+            f"{len(gaps)} {what} longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
             f"{1000 * steps[widest]:.0f} ms after frame {widest}",
             "poses are not interpolated across long gaps; check the recorder's load",
         )
@@ -185,10 +199,12 @@ def _image_status(recording: Recording) -> Iterator[Diagnostic]:
         )
 
 
-def _repeated_images(recording: Recording) -> Iterator[Diagnostic]:
-    digests = [
-        hashlib.blake2b(np.ascontiguousarray(f).data, digest_size=16).digest() for f in recording.frames
-    ]
+def _repeated_images(recording: Recording, progress: Progress | None) -> Iterator[Diagnostic]:
+    digests = []
+    for frame in recording.frames:
+        digests.append(hashlib.blake2b(np.ascontiguousarray(frame).data, digest_size=16).digest())
+        if progress is not None:
+            progress(len(digests), len(recording.frames))
     repeats = np.array([a == b for a, b in pairwise(digests)], dtype=bool)
     if repeats.any():
         run, first = _longest_run(repeats), int(np.flatnonzero(repeats)[0]) + 1
@@ -202,7 +218,11 @@ def _repeated_images(recording: Recording) -> Iterator[Diagnostic]:
 
 def _tool(poses: Poses) -> ToolSummary:
     return ToolSummary(
-        poses.plus_name, len(poses), int(poses.valid.sum()), _travel_mm(poses.matrices[poses.valid])
+        name=poses.plus_name,
+        poses=len(poses),
+        valid=int(poses.valid.sum()),
+        longest_loss=_longest_run(~poses.valid),
+        travel_mm=_travel_mm(poses.matrices[poses.valid]),
     )
 
 

@@ -1,4 +1,4 @@
-"""A folder of images, one file a frame (PNG, or DICOM), and how they are stamped.
+"""Images in files of their own (PNG, ... or DICOM): one, or a folder of them, and how they are stamped.
 
 Times come from ``frames.csv`` in the folder (columns ``file`` and a time such as ``time_s``), or from the
 files' names where each ends with decimal seconds (``frame_12.345.png``). Without either there are none.
@@ -18,13 +18,15 @@ from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import file_size, read_text, reading
 from sonocal.geometry import Array
 from sonocal.recording.dicom import read_dicom_files
-from sonocal.recording.frames import Frames, Image, check_frame_size
+from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
-from sonocal.recording.tables import first_time_column, parse_table
+from sonocal.recording.pose_csv import TIME_COLUMNS
+from sonocal.tables import parse_table
 
-__all__ = ["read_image_folder"]
+__all__ = ["STAMPS", "is_image", "read_image_file", "read_image_folder"]
 
 IMAGE_SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
+IMAGE_STARTS = (b"\x89PNG", b"\xff\xd8\xff", b"II*\0", b"MM\0*")
 DICOM_SUFFIXES = (".dcm", ".ima")
 STAMPS = "frames.csv"
 MODES = {"L": "u1", "RGB": "u1", "I;16": "u2", "F": "f4"}
@@ -38,24 +40,39 @@ def read_image_folder(folder: Path) -> Recording:
         FormatError: a file is no image, or differs in size.
         UnsupportedError: Pillow or pydicom is not installed.
     """
+    name = folder.resolve().name
     with reading(folder):
         entries = sorted(folder.iterdir(), key=lambda p: _natural(p.name))
     images = [p for p in entries if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
     dicoms = [p for p in entries if p.suffix.lower() in DICOM_SUFFIXES and p.is_file()]
     if not images and not dicoms:
-        raise InputError(
-            f"{folder.name}: holds no image files ({', '.join(IMAGE_SUFFIXES + DICOM_SUFFIXES)})"
-        )
+        raise InputError(f"{name}: holds no image files ({', '.join(IMAGE_SUFFIXES + DICOM_SUFFIXES)})")
     if images and dicoms:
-        raise InputError(f"{folder.name}: holds both DICOM files and other images; keep one kind in it")
+        raise InputError(f"{name}: holds both DICOM files and other images; keep one kind in it")
     if dicoms:
-        return read_dicom_files(dicoms, folder.name)
+        return read_dicom_files(dicoms, name)
     images, times, paths = _stamped(folder, images)
+    return _recording(images, times, Provenance(name, "images", paths))
+
+
+def is_image(head: bytes) -> bool:
+    """Whether a file that starts so is an image that Pillow may read."""
+    return head.startswith(IMAGE_STARTS) or (head.startswith(b"BM") and b"\0" in head)
+
+
+def read_image_file(path: Path) -> Recording:
+    """Read a single image: a recording of one frame without time or poses.
+
+    Raises:
+        FormatError: the file is no image.
+        UnsupportedError: Pillow is not installed.
+    """
+    return _recording([path], np.array([np.nan]), Provenance(path.name, "image", (str(path),)))
+
+
+def _recording(images: Sequence[Path], times: Array, provenance: Provenance) -> Recording:
     frames = ImageFiles(images)
-    geometry = ImageGeometry.of(frames)
-    return Recording(
-        times=times, frames=frames, image=geometry, provenance=Provenance(folder.name, "images", paths)
-    )
+    return Recording(times=times, frames=frames, image=ImageGeometry.of(frames), provenance=provenance)
 
 
 class ImageFiles(Frames):
@@ -66,7 +83,7 @@ class ImageFiles(Frames):
         size, mode = self._look(paths[0])
         self.dtype = np.dtype(MODES[mode])
         self.shape = (size[1], size[0]) + ((3,) if mode == "RGB" else ())
-        check_frame_size(paths[0].name, self.shape, self.dtype)
+        check_frame_size(paths[0].name, self.shape, self.dtype, PICTURE_LIMIT)
 
     def __len__(self) -> int:
         return len(self._paths)
@@ -120,9 +137,9 @@ class _Guard:
         if isinstance(error, Exception) and not isinstance(
             error, (FormatError, InputError, UnsupportedError)
         ):
-            raise FormatError(
-                f"{self._path.name}: is not an image that can be read ({str(error)[:80]})"
-            ) from None
+            # Pillow's sentence would repeat the whole path.
+            reason = "unknown kind" if "cannot identify" in str(error) else str(error)[:80]
+            raise FormatError(f"{self._path.name}: is not an image that can be read ({reason})") from None
 
 
 def _stamped(folder: Path, images: list[Path]) -> tuple[list[Path], Array, tuple[str, ...]]:
@@ -142,12 +159,12 @@ def _stamped(folder: Path, images: list[Path]) -> tuple[list[Path], Array, tuple
 
 def _times_of_table(path: Path, images: list[Path]) -> Array:
     table = parse_table(path.name, read_text(path, "a table of frame times"))
-    column = first_time_column(table.header)
+    column = table.first_of(TIME_COLUMNS)
     if column is None or "file" not in table.columns:
         raise InputError(
             f"{path.name}: needs the columns file and time_s; it has {', '.join(table.header)[:200]}"
         )
-    stamps = dict(zip((cell.strip() for cell in table.columns["file"]), table.numbers(column), strict=True))
+    stamps = dict(zip(table.text("file").tolist(), table.numbers(column), strict=True))
     if missing := [image.name for image in images if image.name not in stamps]:
         raise InputError(f"{path.name}: has no time for {missing[0]}; add a row, or delete the image")
     times = np.array([stamps[image.name] for image in images])

@@ -26,9 +26,8 @@ __all__ = ["GZIP", "ZLIB", "InflatedFrames"]
 
 ZLIB, GZIP = 15, 31
 
-CHUNK = 1 << 16
-# Inflated at a time, so that a frame is held once and not in pieces beside it.
-PIECE = 1 << 17
+# Read and inflated at a time: what is held beside the frame, with the decoder's own window, is some 0.1 MB.
+PIECE = 1 << 14
 CHECKPOINT_EVERY = 16
 MOST_CHECKPOINTS = 64
 # Deflate expands at most 1032 : 1; a header that asks for more lies, whatever the data hold.
@@ -154,7 +153,7 @@ class InflatedFrames(Frames):
         return data
 
     def _chunk(self, cursor: _Cursor) -> bytes:
-        data = read_at(self._path, cursor.position, min(CHUNK, self._end - cursor.position))
+        data = read_at(self._path, cursor.position, min(PIECE, self._end - cursor.position))
         cursor.position += len(data)
         return data
 
@@ -172,7 +171,7 @@ class InflatedFrames(Frames):
 
     def _check_expansion(self) -> None:
         wanted, there = self._count * self.frame_bytes, self._end - self._start
-        if wanted > LARGEST_EXPANSION * there + CHUNK:
+        if wanted > LARGEST_EXPANSION * there + PIECE:
             raise FormatError(
                 f"{self._path.name}: {there} compressed bytes cannot hold the {self._count} frames of "
                 f"{'x'.join(map(str, self.shape))} that its header states; is the size right?"

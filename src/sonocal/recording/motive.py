@@ -16,7 +16,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name
-from sonocal.recording.tables import cells_to_numbers, parse_rows
+from sonocal.tables import cells_to_numbers, csv_rows
 
 __all__ = ["is_motive", "read_motive_text"]
 
@@ -43,7 +43,7 @@ def read_motive_text(path: Path, text: str) -> Recording:
         UnsupportedError: rotations are not quaternions.
         InputError: it holds no rigid body, or a cell is wrong.
     """
-    rows, lines = parse_rows(path.name, text)
+    rows, lines = csv_rows(path.name, text)
     about = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     top = next(
         (i for i, row in enumerate(rows) if [c.strip() for c in row[:2]] == ["Frame", "Time (Seconds)"]), None

@@ -15,7 +15,14 @@ from sonocal.recording.pivot import PivotCalibration
 from sonocal.recording.poses import OnInvalid, Poses
 from sonocal.recording.spin import SpinCalibration
 
-__all__ = ["DigitisedPoint", "NeedleCalibration", "digitise_point", "needle_from_axis", "needle_from_points"]
+__all__ = [
+    "DigitisedPoint",
+    "NeedleCalibration",
+    "digitise_point",
+    "needle_from_axis",
+    "needle_from_points",
+    "needle_from_spin",
+]
 
 FAR_FROM_AXIS_MM = 1.0
 LEAST_LENGTH_MM = 20.0
@@ -56,7 +63,7 @@ class DigitisedPoint:
 def needle_from_axis(
     pivot: PivotCalibration,
     spin: SpinCalibration,
-    length_mm: float,
+    length_mm: float | None = None,
     name: str = "needle",
     frame: str = "Needle",
 ) -> NeedleCalibration:
@@ -65,16 +72,22 @@ def needle_from_axis(
     Args:
         pivot: the tip.
         spin: the axis.
-        length_mm: of the shaft, from the tip.
+        length_mm: of the shaft, from the tip; default: to the place of the axis beside the marker's origin.
         name: of the line.
         frame: of the line.
 
     Raises:
-        InputError: the length is not positive.
+        InputError: the length is not positive, or the marker is beside the tip and tells no length.
     """
-    if not 0 < length_mm < np.inf:
-        raise InputError(f"the needle's length must be positive, mm; got {length_mm}")
     tip = pivot.tip_mm
+    if length_mm is None:
+        length_mm = float(abs(spin.direction @ (spin.point_mm - tip)))
+        if length_mm < LEAST_LENGTH_MM:
+            raise InputError(
+                f"the marker's origin lies {length_mm:.1f} mm behind the tip, which tells nothing of the shaft's "
+                "length; give it with --length"
+            )
+    _check_length(length_mm)
     across = tip - spin.point_mm - spin.direction * (spin.direction @ (tip - spin.point_mm))
     off = float(np.linalg.norm(across))
     # The shaft leads from the tip towards the marker that it carries.
@@ -89,10 +102,28 @@ def needle_from_axis(
                 advice="repeat the one with the larger residual; check that the needle is straight and the marker fast",
             )
         )
-    deviation = float(np.degrees(np.sqrt(np.trace(spin.covariance) / 2)))
-    return NeedleCalibration(
-        Line(name, frame, np.array([tip, tip + length_mm * back])), deviation, tuple(findings)
+    line = Line(name, frame, np.array([tip, tip + length_mm * back]))
+    return NeedleCalibration(line, _deviation_deg(spin), tuple(findings))
+
+
+def needle_from_spin(
+    spin: SpinCalibration, length_mm: float, name: str = "needle", frame: str = "Needle"
+) -> NeedleCalibration:
+    """The needle's line from its axis alone, which says nothing of its ends: centred beside the marker's origin.
+
+    Raises:
+        InputError: the length is not positive.
+    """
+    _check_length(length_mm)
+    half = length_mm / 2 * spin.direction
+    line = Line(name, frame, np.array([spin.point_mm - half, spin.point_mm + half]))
+    ends = Diagnostic(
+        code="ends-unknown",
+        severity="info",
+        message="a spin tells where the shaft is and not where it ends; the segment is centred beside the marker",
+        advice="pivot the tool too, if its tip matters; a calibration needs the line alone",
     )
+    return NeedleCalibration(line, _deviation_deg(spin), (*spin.diagnostics, ends))
 
 
 def needle_from_points(
@@ -138,6 +169,15 @@ def needle_from_points(
             )
         )
     return NeedleCalibration(Line(name, frame, segment), float(np.degrees(spread / length)), tuple(findings))
+
+
+def _check_length(length_mm: float) -> None:
+    if not 0 < length_mm < np.inf:
+        raise InputError(f"the needle's length must be positive, mm; got {length_mm}")
+
+
+def _deviation_deg(spin: SpinCalibration) -> float:
+    return float(np.degrees(np.sqrt(np.trace(spin.covariance) / 2)))
 
 
 def digitise_point(

@@ -71,6 +71,11 @@ class PivotCalibration:
         """Standard deviation of the tip's place, mm."""
         return float(np.sqrt(np.trace(self.covariance[:3, :3])))
 
+    @property
+    def tip_95_mm(self) -> float:
+        """How far the tip may be off along the direction in which it is known least, mm, in 95 of 100 cases."""
+        return float(1.96 * np.sqrt(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
+
 
 def calibrate_pivot(
     tracker_from_tool: ArrayLike, valid: ArrayLike | None = None, seed: int = 0, source: str = "poses"

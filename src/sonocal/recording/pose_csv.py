@@ -26,9 +26,11 @@ from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.motive import is_motive, read_motive_text
 from sonocal.recording.poses import Poses, by_name
 from sonocal.recording.sequence_fields import TRANSFORM
-from sonocal.recording.tables import Table, first_time_column, parse_table
+from sonocal.tables import Table, parse_table
 
-__all__ = ["poses_from_quaternions", "read_pose_csv"]
+__all__ = ["TIME_COLUMNS", "poses_from_quaternions", "read_pose_csv"]
+
+TIME_COLUMNS = ("Timestamp", "timestamp", "time_s", "Time (Seconds)", "time", "t")
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 MATRIX = tuple(f"m{i}{j}" for i in range(4) for j in range(4))
@@ -47,6 +49,7 @@ def read_pose_csv(path: Path) -> Recording:
     if is_motive(text):
         return read_motive_text(path, text)
     table = parse_table(path.name, text)
+    table.need_rows("write one row an instant")
     poses = by_name(_tools(table), path.name)
     if not poses:
         raise FormatError(
@@ -86,7 +89,7 @@ def poses_from_quaternions(
 
 
 def _times(table: Table) -> Array:
-    column = first_time_column(table.header)
+    column = table.first_of(TIME_COLUMNS)
     if column is None:
         return np.full(len(table.lines), np.nan)
     times = table.numbers(column)
@@ -164,6 +167,6 @@ def _names(prefix: str) -> tuple[str, str]:
 def _with_status(table: Table, poses: Poses, column: str) -> Poses:
     if column not in table.columns:
         return poses
-    status = tuple(cell.strip() for cell in table.columns[column])
+    status = tuple(map(str, table.text(column)))
     good = np.array([text in ("OK", "ok", "1", "true", "True") for text in status])
     return Poses(poses.source, poses.target, poses.matrices, poses.valid & good, status)

@@ -8,23 +8,29 @@ from pathlib import Path
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files import read_at
 from sonocal.recording.dicom import read_dicom
-from sonocal.recording.image_folder import STAMPS, read_image_folder
+from sonocal.recording.image_folder import STAMPS, is_image, read_image_file, read_image_folder
 from sonocal.recording.metaio import read_metaio
 from sonocal.recording.metaio_write import write_metaio
 from sonocal.recording.model import Recording
 from sonocal.recording.nrrd import read_nrrd
 from sonocal.recording.nrrd_write import write_nrrd
 from sonocal.recording.pose_csv import read_pose_csv
+from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
 from sonocal.recording.video import read_video
 
 __all__ = ["read_recording", "write_recording"]
 
 HEAD = 4096
-KNOWN = ".mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, or a folder of images"
+KNOWN = ".mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, .png, or a folder of images"
 
 
-def read_recording(path: str | Path, poses: str | Path | None = None, latency_s: float = 0.0) -> Recording:
+def read_recording(
+    path: str | Path,
+    poses: str | Path | None = None,
+    latency_s: float = 0.0,
+    on_invalid: OnInvalid = "raise",
+) -> Recording:
     """Read a recording of any format.
 
     A video or folder of images is joined by time stamp with its tracker's poses: those of `poses`, or else
@@ -33,7 +39,8 @@ def read_recording(path: str | Path, poses: str | Path | None = None, latency_s:
     Args:
         path: the file, or the folder of images.
         poses: the tracker's own recording, where it is another file.
-        latency_s: how much later the tracker stamps an instant than the images do.
+        latency_s: how much later the tracker stamps an instant than the images do; poses are moved by it.
+        on_invalid: what to do with poses marked valid that are not rigid, where poses are moved or joined.
 
     Raises:
         InputError: it cannot be read; the sentence says what, where and the remedy.
@@ -43,8 +50,8 @@ def read_recording(path: str | Path, poses: str | Path | None = None, latency_s:
     images = read_image_folder(path) if path.is_dir() else _read_file(path)
     tracker = Path(poses) if poses is not None else _poses_beside(path)
     if tracker is None:
-        return with_latency(images, latency_s)
-    return join(images, _read_file(tracker), latency_s)
+        return with_latency(images, latency_s, on_invalid=on_invalid)
+    return join(images, _read_file(tracker), latency_s, on_invalid=on_invalid)
 
 
 def write_recording(recording: Recording, path: str | Path, compress: bool = True) -> None:
@@ -74,6 +81,8 @@ def _read_file(path: Path) -> Recording:
         return read_dicom(path)
     if head[4:8] == b"ftyp" or head.startswith((b"\x1a\x45\xdf\xa3", b"RIFF")):
         return read_video(path)
+    if is_image(head):
+        return read_image_file(path)
     return _read_text_file(path, head)
 
 
@@ -95,7 +104,7 @@ def _poses_beside(path: Path) -> Path | None:
         tables = [p for p in sorted(path.glob("*.csv")) if p.name != STAMPS]
         if len(tables) > 1:
             names = ", ".join(p.name for p in tables)
-            raise InputError(f"{path.name}: holds several tables ({names}); name the poses' one")
+            raise InputError(f"{path.resolve().name}: holds several tables ({names}); name the poses' one")
         return tables[0] if tables else None
     table = path.with_suffix(".csv")
     video = path.suffix.lower() in (".mp4", ".mkv", ".avi", ".mov")

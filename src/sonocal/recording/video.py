@@ -11,7 +11,7 @@ import numpy as np
 from sonocal.errors import FormatError, UnsupportedError
 from sonocal.files import file_size
 from sonocal.geometry import Array
-from sonocal.recording.frames import Frames, Image, check_frame_size
+from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 
 __all__ = ["read_video"]
@@ -49,7 +49,7 @@ class VideoFrames(Frames):
             context = stream.codec_context
             self._format = "gray" if (context.pix_fmt or "").startswith("gray") else "rgb24"
             self.shape = (context.height, context.width) + (() if self._format == "gray" else (3,))
-            check_frame_size(path.name, self.shape, self.dtype)
+            check_frame_size(path.name, self.shape, self.dtype, PICTURE_LIMIT)
             base = float(stream.time_base)
             stamps = sorted(p.pts for p in container.demux(stream) if p.pts is not None and p.size)
         if not stamps or 0 in self.shape:
@@ -85,9 +85,9 @@ class VideoFrames(Frames):
                     continue
                 if count == len(self._stamps):
                     return
-                image = frame.to_ndarray(format=self._format)
-                if image.shape != self.shape:
+                if (frame.height, frame.width) != self.shape[:2]:
                     raise FormatError(f"{self._path.name}, frame {count}: changes its size within the video")
+                image = frame.to_ndarray(format=self._format)
                 image.flags.writeable = False
                 yield image
                 count += 1
@@ -103,6 +103,8 @@ class VideoFrames(Frames):
             raise FormatError(
                 f"{self._path.name}: its video is of a kind that cannot be decoded; convert it to .mp4"
             )
+        # Damaged packets may announce sizes of their own.
+        stream.codec_context.options = {"max_pixels": str(PICTURE_LIMIT // 3)}
         return stream
 
 

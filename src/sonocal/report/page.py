@@ -180,6 +180,8 @@ def _weak_in_words(calibration: Calibration) -> str:
 def _provenance(calibration: Calibration, validation: Validation | None) -> list[tuple[str, str]]:
     kept = calibration.provenance
     rows = [("fitted to", str(kept.get("input", ""))), ("its SHA-256", str(kept.get("sha256", "")))]
+    for name, source in kept.get("recorded", {}).items():
+        rows += [(f"from the {name}", source.get("input", "")), ("its SHA-256", source.get("sha256", ""))]
     rows += [
         (name.replace("_", " "), str(value))
         for name, value in kept.get("options", {}).items()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_bytes
 from sonocal.geometry import Array
+from sonocal.tables import csv_text, parse_table
 
 __all__ = ["PLACE_COLUMNS", "POSE_COLUMNS", "PointSightings", "parse_point_sightings", "read_point_sightings"]
 
@@ -137,14 +136,11 @@ def read_point_sightings(path: str | Path) -> PointSightings:
 
 def parse_point_sightings(content: bytes, name: str) -> PointSightings:
     """The table in the content of a CSV file; `name` is what messages call it."""
-    try:
-        reader = csv.DictReader(io.StringIO(content.decode("utf-8-sig"), newline=""), strict=True)
-        rows = list(reader)
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FormatError(f"{name}: is not a CSV table ({error})") from None
-    header = [column.strip() for column in reader.fieldnames or []]
-    if "u_px" not in header or "v_px" not in header or not rows:
+    table = parse_table(name, csv_text(name, content, "points are"))
+    header = list(table.header)
+    if "u_px" not in header or "v_px" not in header:
         raise FormatError(f"{name}: needs a header with u_px, v_px and at least one row; it has {header}")
+    table.need_rows("write one row a point")
 
     def numbers(columns: tuple[str, ...]) -> Array | None:
         if not any(column in header for column in columns):
@@ -152,7 +148,7 @@ def parse_point_sightings(content: bytes, name: str) -> PointSightings:
         missing = [column for column in columns if column not in header]
         if missing:
             raise InputError(f"{name}, line 1: lacks the columns {', '.join(missing)}")
-        return np.column_stack([_column(name, rows, column) for column in columns])
+        return np.column_stack([table.numbers(column) for column in columns])
 
     pixels = numbers(("u_px", "v_px", "w_px") if "w_px" in header else ("u_px", "v_px"))
     assert pixels is not None
@@ -162,23 +158,11 @@ def parse_point_sightings(content: bytes, name: str) -> PointSightings:
         points_px=pixels,
         points_mm=numbers(PLACE_COLUMNS),
         tracker_from_probe=None if poses is None else _square(poses),
-        target=np.array([row["target"].strip() for row in rows]) if "target" in header else _DEFAULT,
+        target=table.text("target") if "target" in header else _DEFAULT,
         frame=_DEFAULT if frame is None else frame[:, 0].astype(np.int64),
         source=name,
         sha256=hashlib.sha256(content).hexdigest(),
     )
-
-
-def _column(name: str, rows: list[dict[str, str]], column: str) -> Array:
-    values = np.empty(len(rows))
-    for i, row in enumerate(rows):
-        try:
-            values[i] = float(row[column])
-        except (TypeError, ValueError):
-            raise InputError(
-                f"{name}, line {i + 2}, column {column}: {row[column]!r} is not a number"
-            ) from None
-    return values
 
 
 def _square(poses: Array) -> Array:

@@ -1,0 +1,161 @@
+"""What several commands share: options, parameter types, the bar of progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = [
+    "CENTRE",
+    "COUNT",
+    "FILE",
+    "INVALID",
+    "JSON",
+    "LATENCY",
+    "LINES",
+    "MASK",
+    "NO_REPORT",
+    "POSES",
+    "PROBE",
+    "SCANNER",
+    "Size",
+    "Threshold",
+    "console",
+    "output_folder",
+    "progress",
+    "seed",
+    "typed",
+]
+
+FILE = click.Path(path_type=Path)
+
+
+class Size(click.ParamType[tuple[int, ...]]):
+    """WIDTHxHEIGHT or WIDTHxHEIGHTxDEPTH, px."""
+
+    name = "WxH[xD]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, ...]:
+        """The numbers of a size."""
+        parts = str(value).lower().split("x")
+        if len(parts) not in (2, 3) or not all(part.isdigit() and int(part) > 0 for part in parts):
+            self.fail(f"{value!r} is not a size such as 640x480", param, ctx)
+        return tuple(int(part) for part in parts)
+
+
+class Threshold(click.ParamType[float | str]):
+    """A number of millimetres, or "auto"."""
+
+    name = "MM|auto"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        """The number, or "auto"."""
+        if value == "auto":
+            return "auto"
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number of millimetres nor auto", param, ctx)
+
+
+LINES = click.option(
+    "--lines", type=FILE, help="The needle or wires: needle.toml or a PLUS device set (XML)."
+)
+POSES = click.option(
+    "--poses", type=FILE, help="The tracker's own recording, beside a video or a folder of images."
+)
+PROBE = click.option("--probe", default="Probe", show_default=True, help="What the probe's marker is called.")
+LATENCY = click.option(
+    "--latency",
+    "latency_s",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="How much later the tracker stamps an instant than the images do, s.",
+)
+INVALID = click.option(
+    "--on-invalid",
+    type=click.Choice(["raise", "skip"]),
+    default="raise",
+    show_default=True,
+    help="What to do with poses that are not rigid.",
+)
+COUNT = click.option(
+    "--count", type=click.IntRange(1), default=5, show_default=True, help="Candidates an image."
+)
+CENTRE = click.option(
+    "--centre",
+    type=click.Choice(["head", "mass"]),
+    default="head",
+    show_default=True,
+    help="Of a bright spot: its first echo (needles), or all of it (wires, as PLUS does).",
+)
+MASK = click.option(
+    "--mask",
+    type=FILE,
+    help="Image of the recording's size, not black where to look.  [default: found from the recording]",
+)
+SCANNER = click.option(
+    "--scanner-mm-per-px", type=click.FloatRange(0, min_open=True), help="What the scanner says, to compare."
+)
+NO_REPORT = click.option(
+    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no report.html."
+)
+JSON = click.option(
+    "--json", "as_json", is_flag=True, help="Print the result as JSON on stdout instead of tables."
+)
+
+
+def seed(of: str) -> Callable[[Any], Any]:
+    """The option --seed."""
+    return click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help=f"Of {of}.")
+
+
+def output_folder(default: str, holds: str) -> Callable[[Any], Any]:
+    """The option -o of a command that writes several files."""
+    return click.option(
+        "-o",
+        "--output",
+        type=FILE,
+        default=Path(default),
+        show_default=True,
+        help=f"Folder for {holds}; made if absent.",
+    )
+
+
+def typed(names: tuple[str, ...]) -> list[str]:
+    """The options, of some, that stand on the command line."""
+    context, there = click.get_current_context(), click.core.ParameterSource.COMMANDLINE
+    return [
+        option.opts[0]
+        for option in context.command.params
+        if option.name in names and context.get_parameter_source(option.name) is there
+    ]
+
+
+def console() -> Console:
+    """Where results are printed."""
+    from rich.console import Console
+
+    return Console(highlight=False)
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr, so that stdout stays the result's."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    errors = Console(stderr=True)
+    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

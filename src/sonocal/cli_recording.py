@@ -1,0 +1,195 @@
+"""The part of ``sonocal calibrate`` that starts from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from sonocal.cli_options import progress, typed
+from sonocal.errors import InputError, SonocalError
+
+if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+    from sonocal.observations import Observations
+    from sonocal.recording import Line, Recording
+    from sonocal.report import FrameImage
+
+__all__ = ["OF_DETECTION", "Result", "from_recording", "pictures"]
+
+TABLE, SHEET = "observations.csv", "contact-sheet.png"
+MOST_PICTURES = 12
+OF_DETECTION = ("count", "centre", "mask")
+
+
+class Result(NamedTuple):
+    """A calibration, the rows it rests on, and what is written beside it."""
+
+    rows: Observations
+    calibration: Calibration
+    files: dict[str, bytes]
+    recording: Recording | None = None
+
+
+def from_recording(
+    source: Path, lines: Path, output: Path, recorded: dict[str, Any], options: dict[str, Any]
+) -> Result:
+    """Calibrate from a recording.
+
+    Args:
+        source: the recording.
+        lines: the needle or wires.
+        output: where the contact sheet stays if no calibration is found.
+        recorded: options of recordings and of detection.
+        options: of `sonocal.calibrate`.
+    """
+    from sonocal.contents import kind_of
+    from sonocal.observations import observations_csv, parse_observations
+    from sonocal.recording import read_lines, read_recording
+
+    if kind_of(source) == "observations":
+        raise InputError(
+            f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
+        )
+    points, poses = recorded["points"], recorded["poses"]
+    moved = (recorded["latency_s"], recorded["on_invalid"])
+    recording, (known, fixed) = read_recording(source, poses, *moved), read_lines(lines)
+    options = {name: value for name, value in options.items() if value is not None} | {"fixed": fixed}
+    options |= {name: recorded[name] for name in ("probe", "on_invalid")}
+    if points is not None:
+        result = _given(recording, known, points, options)
+    else:
+        result = _detected(recording, known, output, recorded, options)
+    table = observations_csv(result.rows)
+    rows = parse_observations(table, TABLE)  # as validation will read it: with its name and digest
+    inputs = {
+        "recording": source,
+        "lines": lines,
+        **{name: recorded.pop(name) for name in ("points", "poses", "mask")},
+    }
+    found = _with_provenance(result.calibration, rows, inputs, recorded)
+    return Result(rows, found, {TABLE: table, **result.files}, recording)
+
+
+def _given(recording: Recording, lines: Sequence[Line], points: Path, options: dict[str, Any]) -> Result:
+    """Calibrate on the points of a table."""
+    from sonocal.needle_sweep import calibrate_points
+    from sonocal.sightings import read_detections
+
+    found, rows = calibrate_points(recording, lines, read_detections(points), **options)
+    return Result(rows, found, {})
+
+
+def _detected(
+    recording: Recording,
+    lines: Sequence[Line],
+    output: Path,
+    recorded: dict[str, Any],
+    options: dict[str, Any],
+) -> Result:
+    """Find the needle in the images, and calibrate on the candidates that agree."""
+    from sonocal.needle_sweep import calibrate_recording
+
+    flat = recording.image is not None and recording.image.dimension == 2
+    sheet = _Sheet(recording, output) if flat else None
+    if not typed(("threshold_mm",)):
+        options.pop("threshold_mm")  # lines that are close to one another ask for less
+    with progress("detecting") as report:
+        if sheet is not None:
+            options |= sheet.detect(recorded, report)
+        else:
+            options |= _of_volumes(recording, recorded)
+        try:
+            found = calibrate_recording(recording, lines, progress=report, **options)
+        except SonocalError:
+            if sheet is not None:
+                sheet.write()
+            raise
+    rows = found.observations
+    return Result(rows, found.calibration, {} if sheet is None else {SHEET: sheet.png(rows)})
+
+
+def _of_volumes(recording: Recording, recorded: dict[str, Any]) -> dict[str, Any]:
+    """The detection options of 3D probes."""
+    if names := typed(("mask", "centre")):
+        raise InputError(
+            f"{recording.name}: has no 2D images; lines in volumes are found without {names[0]}, leave it out"
+        )
+    return {"count": recorded["count"]} if typed(("count",)) else {}
+
+
+class _Sheet:
+    """The candidates of a recording's images, and the sheet that shows them."""
+
+    def __init__(self, recording: Recording, output: Path) -> None:
+        self._recording, self._output = recording, output
+
+    def detect(self, recorded: dict[str, Any], report: Any) -> dict[str, Any]:
+        """Find candidates: the arguments of `calibrate_recording` that come of it."""
+        from sonocal.detection import detect_points, find_mask, read_mask
+
+        mask = (
+            find_mask(self._recording.frames)
+            if recorded["mask"] is None
+            else read_mask(recorded["mask"], self._recording.frames.shape[:2])
+        )
+        how = {name: recorded[name] for name in ("count", "centre")} | {"mask": mask}
+        self._candidates = detect_points(self._recording, progress=report, **how)
+        return how | {"candidates": self._candidates}
+
+    def png(self, rows: Observations | None = None) -> bytes:
+        """The sheet, with the chosen candidates marked where there are any."""
+        from sonocal.contact_sheet import contact_sheet, png
+
+        chosen = None if rows is None else (rows.frame, rows.points_px)
+        return png(contact_sheet(self._recording, self._candidates, chosen))
+
+    def write(self) -> None:
+        """The sheet alone, for a look at what stood in the way of a calibration."""
+        from sonocal.files import write_into_folder
+
+        write_into_folder(self._output, {SHEET: self.png()})
+        click.echo(f"Note: {self._output / SHEET} shows the candidates", err=True)
+
+
+def _with_provenance(
+    found: Calibration, rows: Observations, inputs: Mapping[str, Path | None], recorded: dict[str, Any]
+) -> Calibration:
+    from sonocal.files import digest
+
+    provenance = found.provenance | {
+        "input": rows.source,
+        "sha256": rows.sha256,
+        "recorded": {
+            name: {"input": path.name, "sha256": digest(path)}
+            for name, path in inputs.items()
+            if path is not None
+        },
+    }
+    unused = OF_DETECTION if "points" in provenance["recorded"] else ()
+    options = {name: value for name, value in recorded.items() if name not in unused}
+    provenance["options"] = provenance["options"] | options
+    return replace(found, provenance=provenance, latency_s=recorded["latency_s"] or None)
+
+
+def pictures(result: Result) -> list[FrameImage]:
+    """Some images with the points that the calibration rests on, for the report."""
+    import numpy as np
+
+    from sonocal.detection import as_grey
+    from sonocal.report import FrameImage
+
+    recording, rows = result.recording, result.rows
+    if recording is None or recording.image is None or recording.image.dimension != 2:
+        return []
+    frames = np.unique(rows.frame)
+    shown = []
+    for frame in frames[np.unique(np.linspace(0, len(frames) - 1, MOST_PICTURES).astype(int))].tolist():
+        here = rows.select(rows.frame == frame)
+        grey = as_grey(recording.frames[frame], 2, f"{recording.name}, frame {frame}")
+        image = grey.clip(0, 255).astype(np.uint8)
+        shown.append(FrameImage(image, here.points_px, here.segments_mm, f"frame {frame}"))
+    return shown

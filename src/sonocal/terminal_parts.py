@@ -1,0 +1,48 @@
+"""What every screen is made of: findings, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rich import box
+from rich.console import Console, Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from sonocal.findings import Diagnostic
+
+__all__ = ["finding", "number_table", "print_findings"]
+
+
+def finding(found: Diagnostic) -> RenderableType:
+    """What was found, and what to do."""
+    warning = found.severity == "warning"
+    head = Text("warning " if warning else "note ", style="bold yellow" if warning else "bold cyan")
+    head.append(found.code, style="dim")
+    body = Text(found.message[0].upper() + found.message[1:] + ".")
+    advice = Text("What to do: " + found.advice + ".", style="italic")
+    return Group(head, Padding(body, (0, 0, 0, 2), expand=False), Padding(advice, (0, 0, 0, 2), expand=False))
+
+
+def print_findings(console: Console, findings: Iterable[Diagnostic], severity: str | None = None) -> None:
+    """The findings of one severity, or all, warnings first."""
+    for found in sorted(findings, key=lambda one: one.severity != "warning"):
+        if severity in (None, found.severity):
+            console.print(finding(found))
+
+
+def number_table(title: str, *columns: str, first: str = "") -> Table:
+    """A table whose first column names rows and whose others hold numbers."""
+    table = Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        min_width=min(len(title), 76),  # a title is broken at its table's width
+    )
+    table.add_column(first)
+    for column in columns:
+        table.add_column(column, justify="right")
+    return table
