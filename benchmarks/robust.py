@@ -1,0 +1,189 @@
+"""Consensus with outliers: how often it finds what one who knew the inliers would, and how long it takes.
+
+    python -m benchmarks.robust [--runs 10000]
+
+Times are the least of several repeats, in one run with the peer's: numpy's linear start and SciPy's LM, which
+get the inliers alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import time
+import timeit
+from collections.abc import Callable
+
+import numpy as np
+
+from sonocal import _core
+from sonocal import registration as reg
+from sonocal.calibration import point_line_rows
+from sonocal.registration.refine import refine_point_lines
+from sonocal.registration.robust import fit_point_lines
+from sonocal.registration.rows import PointLineRows
+from sonocal.simulation.scene import IMAGE_PX, SimulatedSightings, simulate_observations
+
+REPEATS = 30
+GEOMETRIC, LIKELIHOOD = "geometric", "likelihood"
+
+
+def scene_of(dimension: int, rows: int, share: float, seed: int) -> SimulatedSightings:
+    """So many rows: needles in 2D, two rows a needle in 3D."""
+    return simulate_observations(dimension, rows // (dimension - 1), outlier_share=share, seed=seed)
+
+
+def core_call(rows: PointLineRows, weighting: str) -> Callable[[], object]:
+    def call() -> object:
+        return _core.estimate(
+            rows.points,
+            rows.segments_mm,
+            rows.codes(),
+            rows.frame,
+            rows.target,
+            None,
+            None,
+            dimension=rows.dimension,
+            model="similarity",
+            weighting=weighting,
+            threshold_mm=5.0,
+            level_px=0.0,
+            level_mm=0.0,
+            confidence=0.99999,
+            max_samples=10_000,
+            exhaustive_samples=200,
+            seed=0,
+        )
+
+    return call
+
+
+def constraints_of(scene: SimulatedSightings) -> reg.Rows:
+    found = scene.observations
+    if found.dimension == 2:
+        return reg.point_line(
+            np.column_stack([found.points_px, np.zeros(len(found.points_px))]), found.segments_mm
+        )
+    return reg.line_line(found.points_px.reshape(-1, 2, 3), found.segments_mm[::2])
+
+
+def scipy_fit(scene: SimulatedSightings) -> Callable[[], object]:
+    """Linear start, then LM on the paper's cost with numeric derivatives; inliers only."""
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    found = scene.observations
+    points = np.column_stack([found.points_px, np.zeros(len(found.points_px))])[:, :3][~scene.outlier]
+    segments = found.segments_mm[~scene.outlier]
+
+    def fit() -> object:
+        rows = reg.point_line(points, segments)
+        solve = reg.solvers.linear_points if found.dimension == 2 else reg.solvers.linear_lines
+        x = rows.points[:, : found.dimension]
+        start = solve(np.ascontiguousarray(x), rows.planes).matrices[0]
+        scale = np.cbrt(np.linalg.det(start[:3, :3]))
+        turn = Rotation.from_matrix(start[:3, :3] / scale).as_rotvec()
+
+        def residuals(v: np.ndarray) -> np.ndarray:
+            matrix = np.exp(v[6]) * Rotation.from_rotvec(v[:3]).as_matrix()
+            moved = rows.points @ matrix.T + v[3:6]
+            return np.einsum("ij,ij->i", rows.planes[:, :3], moved) + rows.planes[:, 3]
+
+        return least_squares(residuals, np.r_[turn, start[:3, 3], np.log(scale)], method="lm")
+
+    return fit
+
+
+def least_us(call: Callable[[], object], number: int) -> float:
+    return 1e6 * min(timeit.repeat(call, number=number, repeat=REPEATS)) / number
+
+
+def time_table() -> str:
+    out = [
+        "| rows, outliers | core, geometric | core, likelihood | reg.register, geometric | likelihood | linear + SciPy LM "
+        "(inliers alone) | ratio to register, geometric |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for dimension, rows, share in (
+        (2, 50, 0.2),
+        (3, 50, 0.2),
+        (2, 50, 0.5),
+        (3, 50, 0.5),
+        (2, 100, 0.7),
+        (3, 100, 0.7),
+    ):
+        scene = scene_of(dimension, rows, share, seed=3)
+        table, constraints = point_line_rows(scene.observations), constraints_of(scene)
+        number = 100 if share < 0.7 else 10
+        core = [least_us(core_call(table, weighting), number) for weighting in (GEOMETRIC, LIKELIHOOD)]
+        whole = [
+            least_us(lambda c=constraints, w=weighting: reg.register(c, weighting=w), number)  # type: ignore[misc]
+            for weighting in (GEOMETRIC, LIKELIHOOD)
+        ]
+        peer = least_us(scipy_fit(scene), 2)
+        out.append(
+            f"| {dimension}D {rows}, {100 * share:.0f} % | {core[0]:.0f} us | {core[1]:.0f} us | {whole[0]:.0f} us | "
+            f"{whole[1]:.0f} us | {peer:.0f} us | {peer / whole[0]:.0f} |"
+        )
+    return "\n".join(out)
+
+
+def image_error(found: np.ndarray, truth: np.ndarray, dimension: int) -> float:
+    """Root mean square error of the corners of the image, mm."""
+    corners = np.indices((2,) * dimension).reshape(dimension, -1).T * float(IMAGE_PX)
+    corners = np.column_stack([corners, np.zeros((len(corners), 4 - dimension - 1)), np.ones(len(corners))])
+    return float(np.sqrt(np.mean(np.sum((corners @ (found - truth)[:3].T) ** 2, axis=1))))
+
+
+def rate_table(runs: int) -> str:
+    """Consensus against the fit of the true inliers from the truth: not worse than 1.2 times, and then some."""
+    out = ["| rows, outliers | within 1.2 x of the fit that knows the inliers | runs |", "|---|---|---|"]
+    for dimension, rows, share in ((2, 50, 0.5), (3, 50, 0.5), (2, 100, 0.7), (3, 100, 0.7)):
+        good = 0
+        for seed in range(runs):
+            scene = scene_of(dimension, rows, share, seed)
+            table, truth = point_line_rows(scene.observations), scene.probe_from_image
+            try:
+                found = fit_point_lines(table, weighting="geometric").transform
+            except Exception:  # a refusal is not what the fit that knows the inliers says
+                continue
+            best = refine_point_lines(truth, table, ~scene.outlier, weighting="geometric").transform
+            apart = image_error(found.matrix, best.matrix, dimension)
+            limit = image_error(best.matrix, truth.matrix, dimension)
+            good += image_error(found.matrix, truth.matrix, dimension) <= 1.2 * limit or apart <= 0.2 * limit
+        out.append(f"| {dimension}D {rows}, {100 * share:.0f} % | {100 * good / runs:.2f} % | {runs} |")
+    return "\n".join(out)
+
+
+def million_rows() -> str:
+    out = ["| rows, outliers | s | memory beside the table's own |", "|---|---|---|"]
+    for share in (0.0, 0.3):
+        table = point_line_rows(scene_of(2, 1_000_000, share, seed=1).observations)
+        own = table.points.nbytes + table.segments_mm.nbytes
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        seconds = []
+        for _ in range(3):
+            start = time.perf_counter()
+            fit_point_lines(table)
+            seconds.append(time.perf_counter() - start)
+        grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / own
+        out.append(f"| 1000000, {100 * share:.0f} % | {min(seconds):.2f} | {grown:.1f} x |")
+    return "\n".join(out)
+
+
+def main(arguments: list[str]) -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=10_000)
+    parser.add_argument("--only", choices=("times", "rates", "million"))
+    given = parser.parse_args(arguments)
+    if given.only in (None, "million"):
+        print(million_rows(), flush=True)
+    if given.only in (None, "times"):
+        print(time_table(), flush=True)
+    if given.only in (None, "rates"):
+        print(rate_table(given.runs), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
