@@ -39,17 +39,36 @@ ALLOWED: dict[str, set[str]] = {
     "report": EVERYONE | CALIBRATION | {"observations", "registration", "validation"},
     "terminal_validation": EVERYONE | CALIBRATION | {"report", "terminal", "validation"},
     "simulation": EVERYONE | {"recording", "observations"},
+    "studies": EVERYONE
+    | CALIBRATION
+    | {"_core", "observations", "registration", "report", "simulation", "validation"},
+    "terminal_study": EVERYONE | {"studies"},
     "terminal": EVERYONE | CALIBRATION | {"observations", "recording", "registration", "simulation"},
 }
 # These see everything: the public face and the command line.
-UNRESTRICTED = {"__init__", "__main__", "cli", "cli_detection", "cli_validation"}
+UNRESTRICTED = {"__init__", "__main__", "cli", "cli_detection", "cli_study", "cli_validation"}
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
-LAZY = {"scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL"}
+LAZY = {
+    "scipy",
+    "click",
+    "rich",
+    "matplotlib",
+    "jinja2",
+    "h5py",
+    "nrrd",
+    "pydicom",
+    "av",
+    "PIL",
+    "dask",
+    "distributed",
+}
 LAZY_EXEMPT = {
     "cli": {"click"},
     "cli_detection": {"click"},
+    "cli_study": {"click"},
     "cli_validation": {"click"},
     "terminal": {"rich"},
+    "terminal_study": {"rich"},
     "terminal_validation": {"rich"},
 }
 

@@ -19,7 +19,7 @@ struct ConsensusOptions {
 };
 
 // Units of one sample; only the first sample_size() are used.
-using Sample = std::array<int, 4>;
+using Sample = std::array<int, 5>;
 
 template <class Model>
 struct Consensus {
@@ -38,10 +38,11 @@ double samples_needed(double clean, const ConsensusOptions& options);
 // The model that the estimator scores best. The estimator is asked for
 //
 //   Model                                   the type of a model
+//   kMostModels                             how many a sample gives at the most
 //   int units(), int sample_size()          what is sampled, and how many make a sample
 //   bool enumerable()                       whether a sample is determined by its units
 //   void draw(Random&, Sample&)             a random sample
-//   int solve(sample, Random&, models)      its models, at most 4
+//   int solve(sample, Random&, models)      its models
 //   double score(model, enough)             less is better; may stop once it reaches `enough`
 //   bool improve(model, score)              local optimisation, in place; false if it only made it worse
 //   double inlier_share(model)              0 to 1
@@ -55,8 +56,8 @@ Consensus<typename Estimator::Model> find_consensus(Estimator& estimator, const 
   if (n < size) return best;
   const bool all = estimator.enumerable() && combinations(n, size) <= options.exhaustive_samples;
   Random random(options.seed);
-  Sample sample{0, 1, 2, 3};
-  std::array<typename Estimator::Model, 4> models;
+  Sample sample{0, 1, 2, 3, 4};
+  std::array<typename Estimator::Model, Estimator::kMostModels> models;
   double needed = all ? combinations(n, size) : options.max_samples;
   while (best.samples < needed) {
     ++best.samples;

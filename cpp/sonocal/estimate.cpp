@@ -35,6 +35,7 @@ template <class Sampler>
 class PointLineEstimator {
  public:
   using Model = Transform;
+  static constexpr int kMostModels = 4;
 
   PointLineEstimator(const PointLines& rows, const Sampler& sampler, sonocal::Model model, double limit)
       : rows_(rows), sampler_(sampler), model_(model), limit_(limit) {}

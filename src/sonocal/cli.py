@@ -9,6 +9,7 @@ import click
 
 from sonocal import __version__
 from sonocal.cli_detection import COMMANDS
+from sonocal.cli_study import study
 from sonocal.cli_validation import validate
 from sonocal.errors import InputError, SonocalError
 
@@ -260,5 +261,5 @@ def info(file: Path) -> None:
     print_observations(_console(), observations)
 
 
-for _command in (*COMMANDS, validate):
+for _command in (*COMMANDS, validate, study):
     main.add_command(_command)

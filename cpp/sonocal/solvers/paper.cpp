@@ -117,23 +117,25 @@ bool finish(const Matrix3d& s, const Vector3d& t, double one, bool planar, const
   return out.scales[0] > 0 && std::isfinite(out.translation.sum());
 }
 
-// Real eigenvectors of an action matrix, scaled to end in 1.
+// Eigenvectors of an action matrix, scaled to end in 1: the real ones and, if asked for, the real part of one
+// of each complex pair.
 template <int kSize, class Use>
-void for_real_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, const Use& use) {
+void for_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, NoRealRoot policy, const Use& use) {
   if (!action.allFinite()) return;
   const Eigen::EigenSolver<Bounded<8>> solver{Bounded<8>(action)};
   if (solver.info() != Eigen::Success) return;
   const auto vectors = solver.eigenvectors();
   for (int i = 0; i < kSize; ++i) {
-    if (solver.eigenvalues()[i].imag() != 0) continue;
-    const Eigen::Matrix<double, kSize, 1> v = vectors.col(i).real();
-    use((v / v[kSize - 1]).eval());
+    const double imaginary = solver.eigenvalues()[i].imag();
+    if (imaginary < 0 || (imaginary > 0 && policy == NoRealRoot::kNothing)) continue;
+    use(Eigen::Matrix<double, kSize, 1>((vectors.col(i) / vectors(kSize - 1, i)).real()));
   }
 }
 
 }  // namespace
 
-int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<Transform, 8>& solutions) {
+int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<Transform, 8>& solutions,
+                    NoRealRoot policy) {
   static const Monomials monomials;
   const Units units = units_of(problem);
   Eigen::Matrix<double, 13, 8> rows;
@@ -175,7 +177,7 @@ int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<T
   action(5, 0) = action(6, 1) = action(7, 5) = 1;  // b b = b^2, b a = ab, b 1 = b
   // Rows in the order of (16): b^2, ab, e, d, c are the first five, then b, a, 1.
   int count = 0;
-  for_real_eigenvectors<8>(action, [&](const Eigen::Matrix<double, 8, 1>& v) {
+  for_eigenvectors<8>(action, policy, [&](const Eigen::Matrix<double, 8, 1>& v) {
     Eigen::Matrix<double, 6, 1> unknowns;
     unknowns << v[6], v[5], v[4], v[3], v[2], 1;
     const Eigen::Matrix<double, 13, 1> a = basis * unknowns;
@@ -185,7 +187,8 @@ int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<T
   return count;
 }
 
-int paper_four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions) {
+int paper_four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions,
+                      NoRealRoot policy) {
   const Units units = units_of(problem);
   Eigen::Matrix<double, 10, 8> rows;
   for (int i = 0; i < 4; ++i) {
@@ -214,7 +217,7 @@ int paper_four_points(const std::array<PointOnLine, 4>& problem, std::array<Tran
   action.topRows<2>() = back_substitute<2, 4>(m, 4);
   action(2, 0) = action(3, 1) = 1;  // b a = ab, b 1 = b
   int count = 0;
-  for_real_eigenvectors<4>(action, [&](const Eigen::Vector4d& v) {
+  for_eigenvectors<4>(action, policy, [&](const Eigen::Vector4d& v) {
     const Eigen::Matrix<double, 10, 1> a = basis * Vector3d(v[2], v[1], 1);
     Matrix3d s = Matrix3d::Zero();
     s.col(0) = a.segment<3>(0);
