@@ -18,7 +18,7 @@ QUANTITIES = {
     "translation_mm": "Translation error, mm",
     "scale_mm_per_px": "Scale error, mm/px",
     "target_mm": "Error at the target, mm",
-    "pra_mm": "Projection reconstruction accuracy, mm",
+    "pra_mm": "Reconstruction error (PRA), mm",
 }
 
 
