@@ -5,7 +5,7 @@ from sonocal.studies.methods import METHODS
 from sonocal.studies.running import Workers, run_study, threads
 from sonocal.studies.scene import Scene
 from sonocal.studies.store import Store
-from sonocal.studies.summary import Row, answer_sentences, summarise
+from sonocal.studies.summary import Row, answer_sentences, errors_of, summarise
 
 __all__ = [
     "METHODS",
@@ -18,6 +18,7 @@ __all__ = [
     "Workers",
     "answer_sentences",
     "built_in_names",
+    "errors_of",
     "load_study",
     "run_study",
     "summarise",

@@ -29,6 +29,7 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         image_px: side of the square or cubic image.
         scale_mm_per_px: true scale.
         needle_mm: distance of the needle's tracked ends.
+        crossing: the image crosses a needle within this share of its length from its middle.
         reach_mm: 0: the image is between the tracked ends. Otherwise both are on the needle's handle, and the image is
             up to so far beyond them.
         tilt_deg: needles lie within this angle of the image's normal (2D) or of its third axis (3D); 90: anywhere.
@@ -50,6 +51,7 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     image_px: float = IMAGE_PX
     scale_mm_per_px: float = PAPER_SCALE_MM_PER_PX
     needle_mm: float = NEEDLE_MM
+    crossing: float = 0.4
     reach_mm: float = 0.0
     tilt_deg: float = 90.0
     sigma_px: float = 1.0
@@ -156,12 +158,15 @@ def _poses(scene: Scene, rng: np.random.Generator, trials: int, needles: int) ->
         along = points[:, :, 1] - points[:, :, 0]
         along /= np.linalg.norm(along, axis=-1, keepdims=True)
         middle = points.mean(axis=2)
-    crossing = _carried(rotation, translation, scene.scale_mm_per_px * middle)
+    crossed = _carried(rotation, translation, scene.scale_mm_per_px * middle)
     direction = np.einsum("tij,tnj->tni", rotation, along)
     # The image is somewhere along the needle, not always at its middle.
-    share = rng.uniform(0.1, 0.9, (trials, needles, 1))
-    before = scene.needle_mm + share * scene.reach_mm if scene.reach_mm else share * scene.needle_mm
-    ends = [crossing - before * direction, crossing + (scene.needle_mm - before) * direction]
+    spread = rng.uniform(-1, 1, (trials, needles, 1))
+    if scene.reach_mm:
+        before = scene.needle_mm + (0.5 + 0.5 * spread) * scene.reach_mm
+    else:
+        before = (0.5 + scene.crossing * spread) * scene.needle_mm
+    ends = [crossed - before * direction, crossed + (scene.needle_mm - before) * direction]
     return _Poses(rotation, translation, points, np.stack(ends, axis=2))
 
 
