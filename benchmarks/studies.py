@@ -13,13 +13,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from benchmarks import scipy_study
-from sonocal.studies import Scene, Study, cluster, run_study
+from sonocal.studies import Scene, Study, cluster, run_study, running
 from sonocal.studies.measures import calibration_errors
 from sonocal.studies.methods import run_method
 from sonocal.studies.scene import BLOCK_TRIALS, simulate_block
@@ -85,21 +87,47 @@ def median_rotation(scene: Scene, found: np.ndarray, truth: np.ndarray) -> float
 
 
 def scaling(trials: int) -> None:
-    """Local worker processes: one, then two; start-up aside."""
+    """Local worker processes: one, then two; start-up aside. And what of it does not depend on other load."""
     study = Study(name="many", title="", trials=trials, methods=["sonocal"], factors={"needles": [10]})
-    seconds, digests = {}, set()
+    (cell,) = study.cells()
+    start = time.process_time()
+    run_trials(cell, 0, 2000)
+    cpu = (time.process_time() - start) / 2000
+    row(
+        f"{trials} trials, processor time over two cores",
+        f"{cpu * trials / 2:.0f} s ({1e6 * cpu:.0f} us a trial)",
+    )
+    seconds, busy = {}, {}
     for workers in (1, 2):
-        # A share of the trials tells one worker's pace; both do all where that takes little.
+        # A share of the trials tells one worker's pace.
         done = trials if workers == 2 else min(trials, 100_000)
-        with tempfile.TemporaryDirectory() as folder, cluster.local(workers) as who:
+        with tempfile.TemporaryDirectory() as folder, cluster.local(workers) as who, timed_tasks() as tasks:
             run_study(msgspec.structs.replace(study, trials=1000), Path(folder) / "warm", who)
+            tasks.clear()
             start = time.perf_counter()
-            store = run_study(msgspec.structs.replace(study, trials=done), Path(folder) / "run", who)
-            seconds[workers] = (time.perf_counter() - start) / done
-            if done == trials:
-                digests.add(store.digest)
-    row(f"{trials} trials, two local workers", f"{seconds[2] * trials:.0f} s, client {peak_mb():.0f} MB")
-    row("efficiency of two workers", f"{seconds[1] / seconds[2] / 2:.2f}")
+            run_study(msgspec.structs.replace(study, trials=done), Path(folder) / "run", who)
+            elapsed = time.perf_counter() - start
+            seconds[workers], busy[workers] = elapsed / done, sum(tasks) / workers / elapsed
+    row(f"{trials} trials, two local workers", f"{seconds[2] * trials:.0f} s; client {peak_mb():.0f} MB")
+    row("efficiency of two workers against one", f"{seconds[1] / seconds[2] / 2:.2f}")
+    row("share of their time that one and two workers are in tasks", f"{busy[1]:.2f}, {busy[2]:.2f}")
+
+
+@contextmanager
+def timed_tasks() -> Iterator[list[float]]:
+    """Seconds of every task while the block runs."""
+    seconds: list[float] = []
+    learn = running._Queue.learn
+
+    def noted(self, task, duration: float) -> None:
+        seconds.append(duration)
+        learn(self, task, duration)
+
+    running._Queue.learn = noted
+    try:
+        yield seconds
+    finally:
+        running._Queue.learn = learn
 
 
 def peak_mb() -> float:

@@ -20,7 +20,9 @@ def test_built_in_studies_can_be_drawn_from_few_trials(name, tmp_path):
     assert png[:8] == b"\x89PNG\r\n\x1a\n"
     assert png == figure_png(store, rows)
     if study.answer:
-        assert any(row.method == study.answer.method and row.quantity == study.answer.quantity for row in rows)
+        assert any(
+            row.method == study.answer.method and row.quantity == study.answer.quantity for row in rows
+        )
 
 
 def test_boxes_are_those_of_the_papers_boxplots():

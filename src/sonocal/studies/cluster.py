@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
 from typing import Any
 
@@ -34,6 +34,7 @@ def local(count: int) -> Iterator[Workers]:
             n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
         ) as cluster,
         distributed.Client(cluster) as client,
+        _ends_in_words("the local cluster"),
     ):
         yield _workers(client)
 
@@ -57,7 +58,7 @@ def existing(address: str) -> Iterator[Workers]:
             f"{address}: no Dask scheduler answers there ({type(error).__name__}); start one with 'dask scheduler' and "
             "workers with 'dask worker ADDRESS --nthreads 1', and give the address that it prints"
         ) from None
-    with client:
+    with client, _ends_in_words(address):
         try:
             client.wait_for_workers(1, timeout=CONNECT_SECONDS)
         except TimeoutError:
@@ -66,6 +67,25 @@ def existing(address: str) -> Iterator[Workers]:
             ) from None
         _check_versions(client)
         yield _workers(client)
+
+
+@contextmanager
+def _ends_in_words(where: str) -> Iterator[None]:
+    """A cluster that goes away is no bug of ours."""
+    from distributed import KilledWorker
+    from distributed.comm.core import CommClosedError
+
+    try:
+        yield
+    except (CommClosedError, CancelledError):
+        raise InputError(
+            f"{where}: the scheduler has gone; results so far are kept: start it again, and give the same command"
+        ) from None
+    except KilledWorker as error:
+        raise InputError(
+            f"{where}: one task has taken several workers with it, the last being {error.last_worker.address}; look at "
+            "that machine's memory and log; results so far are kept"
+        ) from None
 
 
 def _workers(client: Any) -> Workers:

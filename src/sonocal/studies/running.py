@@ -82,7 +82,8 @@ def run_study(
     try:
         progress(total - queue.left, total)
         while True:
-            while len(pending) < TASKS_A_WORKER * workers.count() and (task := queue.next(workers.count())):
+            count = workers.count()
+            while len(pending) < TASKS_A_WORKER * count and (task := queue.next(count)):
                 pending[workers.executor.submit(_do, task.cell, task.first, task.last)] = task
             if not pending:
                 break
