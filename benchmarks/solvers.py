@@ -1,6 +1,6 @@
 """Minimal solvers against their public peers: one run, the same problems.
 
-    python -m benchmarks.solvers                    the table
+    python -m benchmarks.solvers                    the tables
     python -m benchmarks.solvers --save             and keep it as the baseline
     python -m benchmarks.solvers --compare          and say what got slower or less sure; exit 1 then
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+import timeit
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -58,9 +59,8 @@ class Solver:
     planar: bool
     solve: Callable[[Problems], Callable[[], np.ndarray]]
     most: int = CHECKED  # how many problems it is worth waiting for
-    clocked: Callable[[Problems], Callable[[], object]] | None = (
-        None  # the bare call, where `solve` does more
-    )
+    # The bare call, where `solve` does more.
+    clocked: Callable[[Problems], Callable[[], object]] | None = None
 
 
 def problems(planar: bool, count: int, seed: int) -> Problems:
@@ -139,6 +139,15 @@ def peers() -> list[Solver]:
                 call = getattr(poselib, name)
                 solve = partial(partial, by_poselib, call)
                 found.append(Solver(f"poselib {name}", planar, solve, TIMED, partial(poselib_alone, call)))
+    try:
+        from pytheia import sfm
+    except ImportError:
+        print("pytheia is not installed: pip install pytheia", file=sys.stderr)
+    else:
+        call = sfm.GdlsSimilarityTransform
+        for planar in (True, False):
+            solve = partial(partial, by_pytheia, call)
+            found.append(Solver("pytheia gDLS", planar, solve, 1000, partial(pytheia_alone, call)))
     found += [
         Solver("scipy least_squares", planar, lambda p: lambda: by_scipy(p), 200) for planar in (True, False)
     ]
@@ -172,6 +181,31 @@ def by_poselib(call: Callable, p: Problems) -> np.ndarray:
         for k, (pose, alpha) in enumerate(zip(poses[:8], alphas[:8], strict=True)):
             out[b, k, :3] = pose.Rt / alpha
             out[b, k, 3] = [0, 0, 0, 1]
+    return out
+
+
+def pytheia_alone(call: Callable, p: Problems) -> Callable[[], object]:
+    problems_of = [tuple(map(list, arrays)) for arrays in zip(*poselib_arrays(p), strict=True)]
+
+    def run() -> None:
+        for arrays in problems_of:
+            call(*arrays)
+
+    return run
+
+
+def by_pytheia(call: Callable, p: Problems) -> np.ndarray:
+    """Its rays as poselib's: s o + alpha d = R x + t, quaternions w first."""
+    from scipy.spatial.transform import Rotation
+
+    out = np.full((len(p.points), 8, 4, 4), np.nan)
+    for b, arrays in enumerate(zip(*poselib_arrays(p), strict=True)):
+        quaternions, translations, scales = call(*map(list, arrays))
+        for k, (q, t, s) in enumerate(list(zip(quaternions, translations, scales, strict=True))[:8]):
+            if s > 0:
+                out[b, k, :3, :3] = Rotation.from_quat(q, scalar_first=True).as_matrix() / s
+                out[b, k, :3, 3] = t / s
+                out[b, k, 3] = [0, 0, 0, 1]
     return out
 
 
@@ -247,6 +281,56 @@ def table(results: dict[str, dict[str, float]]) -> str:
     return "\n".join([head, "|---|---|---|---|---|---|---|", *rows])
 
 
+def linear_rows(planar: bool, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, planes and truth of `count` noise-free rows."""
+    random = np.random.default_rng(5)
+    truth = problems(planar, 1, seed=6).truth[0]
+    points = random.uniform(0, IMAGE_PX, (count, 3)) * ([1, 1, 0] if planar else [1, 1, 1])
+    normals = random.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    places = points @ truth[:3, :3].T + truth[:3, 3]
+    return points, np.column_stack([normals, -np.einsum("ij,ij->i", normals, places)]), truth
+
+
+def numpy_least_squares(points: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """The same 13 (or 10) numbers by numpy's own SVD, with the homogeneous 1 on the right."""
+    used = points if points[:, 2].any() else points[:, :2]
+    columns = [x[:, None] * planes[:, :3] for x in used.T]
+    return np.asarray(np.linalg.lstsq(np.hstack([*columns, planes[:, :3]]), -planes[:, 3])[0])
+
+
+def linear_table() -> str:
+    """Time and error of the linear solvers beside numpy's lstsq on the same rows."""
+    out = ["| linear solver | rows | ms | numpy lstsq, ms | worst error |", "|---|---|---|---|---|"]
+    for planar, solve in ((False, solvers.linear_lines), (True, solvers.linear_points)):
+        for count in (20, 1000, 1_000_000):
+            points, planes, truth = linear_rows(planar, count)
+            given = np.ascontiguousarray(points[:, :2]) if planar else points
+            ours_s = min(clock(partial(solve, given, planes)) for _ in range(REPEATS))
+            numpy_s = min(clock(partial(numpy_least_squares, points, planes)) for _ in range(3))
+            error = np.abs(solve(given, planes).matrices[0] - truth).max()
+            out.append(
+                f"| {solve.__name__} | {count} | {1e3 * ours_s:.3g} | {1e3 * numpy_s:.3g} | {error:.1e} |"
+            )
+    return "\n".join(out)
+
+
+def single_table() -> str:
+    """One problem a call from Python, us."""
+    flat, space = problems(True, 1, seed=7), problems(False, 1, seed=7)
+    (image, needles), (points, planes) = lines(space), seven_rows(space)
+    calls: dict[str, Callable[[], object]] = {
+        "four_points": partial(solvers.four_points, plane(flat)[0], flat.segments[0]),
+        "two_lines": partial(solvers.two_lines, image[0], needles[0]),
+        "three_quadrics": partial(solvers.three_quadrics, points[0], planes[0]),
+    }
+    out = ["| one problem, one call | us |", "|---|---|"]
+    for name, call in calls.items():
+        best = min(timeit.repeat(call, number=2000, repeat=15)) / 2000
+        out.append(f"| {name} | {1e6 * best:.1f} |")
+    return "\n".join(out)
+
+
 def regressions(results: dict[str, dict[str, float]], before: dict[str, dict[str, float]]) -> list[str]:
     """What is 1.3 times slower than before beside the run's other solvers, or fails more often."""
     shared = [name for name in results if name in before]
@@ -269,7 +353,7 @@ def main(arguments: list[str]) -> int:
     results = {}
     for solver in [*ours(), *peers()]:
         results[f"{solver.name} ({'4 points' if solver.planar else '2 lines'})"] = measure(solver)
-    print(table(results))
+    print(table(results), single_table(), linear_table(), sep="\n\n")
     if "--save" in arguments:
         BASELINE.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     if "--compare" in arguments:

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "bind/arrays.hpp"
+#include "sonocal/correspondences.hpp"
 
 using namespace nb::literals;
 using namespace sonocal;
@@ -118,6 +119,26 @@ PyEstimate py_refine(Points points, Segments segments, Codes sightings, Factors 
   return to_python(result);
 }
 
+// Transform, squared distance of each correspondence, their number that agree, samples, found, converged.
+auto py_estimate_correspondences(Points points, In<double, nb::shape<-1, 4>> planes,
+                                 In<std::int32_t, nb::ndim<1>> first, double threshold_mm, bool refine,
+                                 double confidence, int max_samples, std::uint64_t seed) {
+  const std::size_t count = first.shape(0) - 1;
+  if (first.shape(0) < 2 || points.shape(0) != planes.shape(0) ||
+      static_cast<std::size_t>(first.data()[count]) != points.shape(0))
+    throw nb::value_error("the arrays differ in their number of rows");
+  const Correspondences all{points.data(), planes.data(), first.data(), static_cast<int>(count)};
+  CorrespondenceEstimate e;
+  {
+    nb::gil_scoped_release unlocked;
+    e = estimate(all, {threshold_mm, refine, {confidence, max_samples, 0, seed}});
+  }
+  const std::size_t size = e.squares.size();
+  return std::make_tuple(to_numpy(e.transform.rotation), to_numpy(e.transform.translation),
+                         e.transform.scales[0], make_array(std::move(e.squares), {size}), e.inliers,
+                         e.samples, e.found, e.converged);
+}
+
 auto py_white_residuals(Points points, Segments segments, Codes sightings, Factors noise_px, Factors noise_mm,
                         Chosen chosen, Rotation rotation, Vector translation, Vector scales, int dimension,
                         const std::string& model, const std::string& weighting, double level_px,
@@ -161,6 +182,9 @@ void bind_estimate(nb::module_& m) {
         "sightings"_a.noconvert().none(), "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(),
         "chosen"_a.noconvert(), "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert(),
         nb::kw_only(), "dimension"_a, "model"_a, "weighting"_a, "level_px"_a, "level_mm"_a);
+  m.def("estimate_correspondences", &py_estimate_correspondences, "points"_a.noconvert(),
+        "planes"_a.noconvert(), "first"_a.noconvert(), nb::kw_only(), "threshold_mm"_a, "refine"_a,
+        "confidence"_a, "max_samples"_a, "seed"_a);
   m.def("white_residuals", &py_white_residuals, "points"_a.noconvert(), "segments"_a.noconvert(),
         "sightings"_a.noconvert().none(), "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(),
         "chosen"_a.noconvert(), "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert(),

@@ -14,12 +14,12 @@ namespace sonocal {
 struct ConsensusOptions {
   double confidence = 0.99999;
   int max_samples = 10000;
-  int exhaustive_samples = 2000;  // go through all combinations where they are no more than this
+  int exhaustive_samples = 200;  // go through all combinations where they are no more than this
   std::uint64_t seed = 0;
 };
 
-// Units of one sample; only the first sample_size() are used.
-using Sample = std::array<int, 5>;
+// Units of one sample, the first of which are used.
+using Sample = std::array<int, 7>;
 
 template <class Model>
 struct Consensus {
@@ -37,12 +37,11 @@ double samples_needed(double clean, const ConsensusOptions& options);
 
 // The model that the estimator scores best. The estimator is asked for
 //
-//   Model                                   the type of a model
-//   kMostModels                             how many a sample gives at the most
+//   Model, Models                           the types of a model and of an array of a sample's models
 //   int units(), int sample_size()          what is sampled, and how many make a sample
 //   bool enumerable()                       whether a sample is determined by its units
 //   void draw(Random&, Sample&)             a random sample
-//   int solve(sample, Random&, models)      its models
+//   int solve(sample, Random&, models)      its models; returns how many
 //   double score(model, enough)             less is better; may stop once it reaches `enough`
 //   bool improve(model, score)              local optimisation, in place; false if it only made it worse
 //   double inlier_share(model)              0 to 1
@@ -56,8 +55,8 @@ Consensus<typename Estimator::Model> find_consensus(Estimator& estimator, const 
   if (n < size) return best;
   const bool all = estimator.enumerable() && combinations(n, size) <= options.exhaustive_samples;
   Random random(options.seed);
-  Sample sample{0, 1, 2, 3, 4};
-  std::array<typename Estimator::Model, Estimator::kMostModels> models;
+  Sample sample{0, 1, 2, 3, 4, 5, 6};
+  typename Estimator::Models models;
   double needed = all ? combinations(n, size) : options.max_samples;
   while (best.samples < needed) {
     ++best.samples;

@@ -11,12 +11,14 @@ namespace sonocal {
 namespace {
 
 using Column = PointLines::Column;
+using Agreeing = Eigen::Array<bool, Eigen::Dynamic, 1>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kLocalRounds = 6;
+constexpr int kLocalRounds = 4;
 constexpr int kLocalIterations = 1;
 constexpr int kFinalRounds = 20;
 constexpr int kFinalIterations = 60;
+constexpr double kLittle = 1e-2;  // part of a score
 constexpr int kLikelihoodRounds = 4;
 // A consensus is as clear among this many rows as among a million.
 constexpr int kMostConsensusRows = 4000;
@@ -35,21 +37,21 @@ template <class Sampler>
 class PointLineEstimator {
  public:
   using Model = Transform;
-  static constexpr int kMostModels = 4;
+  using Models = Candidates;
 
-  PointLineEstimator(const PointLines& rows, const Sampler& sampler, sonocal::Model model, double limit)
+  PointLineEstimator(const PointLines& rows, Sampler& sampler, sonocal::Model model, double limit)
       : rows_(rows), sampler_(sampler), model_(model), limit_(limit) {}
 
   int units() const { return sampler_.units(); }
   int sample_size() const { return sampler_.sample_size(); }
   bool enumerable() const { return sampler_.enumerable(); }
-  void draw(Random& random, Sample& sample) const { sampler_.draw(random, sample); }
-  int solve(const Sample& sample, Random& random, Candidates& out) const {
+  void draw(Random& random, Sample& sample) { sampler_.draw(random, sample); }
+  int solve(const Sample& sample, Random& random, Candidates& out) {
     return sampler_.solve(sample, random, out);
   }
   double score(const Transform& a, double enough) const { return rows_.truncated_sum(a, limit_, enough); }
   bool improve(Transform& a, double& score) {
-    return optimise(a, score, kLocalRounds, kLocalIterations).improved;
+    return optimise(a, score, kLocalRounds, kLocalIterations, kLittle).improved;
   }
   double inlier_share(const Transform& a) {
     rows_.squared_distances(a, squares_);
@@ -60,19 +62,32 @@ class PointLineEstimator {
   // stable. Refitting from the rows within half and twice the threshold finds the better one, whatever the
   // samples happened to be. True if it came to rest.
   bool settle(Transform& a, double& score) {
+    bool converged = optimise(a, score, kFinalRounds, kFinalIterations, 0).converged;
     for (int round = 0, improved = 1; improved && round < kLocalRounds; ++round) {
       improved = 0;
+      rows_.squared_distances(a, squares_);
+      const Agreeing own = squares_ <= limit_;
       for (const double factor : {0.25, 4.0}) {
+        if (((squares_ <= factor * limit_) == own).all()) continue;
         Transform other = refit(a, factor * limit_, kLocalIterations).transform;
-        double other_score = this->score(other, score);
-        if (other_score < 2 * score) optimise(other, other_score, kLocalRounds, kLocalIterations);
-        if (!(other_score < score)) continue;
-        a = other;
-        score = other_score;
-        improved = 1;
+        rows_.squared_distances(other, squares_);
+        if (((squares_ <= limit_) == own).all()) {  // from the same rows to the same fit
+          rows_.squared_distances(a, squares_);
+          continue;
+        }
+        double other_score = this->score(other, kInfinity);
+        const bool at_rest = optimise(other, other_score, kFinalRounds, kFinalIterations, 0).converged;
+        if (other_score < score) {
+          a = other;
+          score = other_score;
+          converged = at_rest;
+          improved = 1;
+        }
+        rows_.squared_distances(a, squares_);
+        if (improved) break;
       }
     }
-    return optimise(a, score, kFinalRounds, kFinalIterations).converged;
+    return converged;
   }
 
  private:
@@ -80,19 +95,23 @@ class PointLineEstimator {
     bool improved, converged;
   };
 
-  // Refines on the rows that agree, again and again, while the score falls.
-  Optimised optimise(Transform& a, double& score, int rounds, int iterations) {
+  // Refines on the rows that agree, again and again, while it lowers the score by more than a part of it and
+  // other rows agree then.
+  Optimised optimise(Transform& a, double& score, int rounds, int iterations, double little) {
     Optimised result{false, false};
     for (int round = 0; round < rounds; ++round) {
       const Refinement refined = refit(a, limit_, iterations);
+      const Agreeing before = squares_ <= limit_;
       const double next = this->score(refined.transform, kInfinity);
       result.converged = refined.converged;
       if (next > score) break;
-      const bool better = next < score;
+      const bool much = next < (1 - little) * score;
+      result.improved = result.improved || next < score;
       a = refined.transform;
       score = next;
-      if (!better) break;
-      result.improved = true;
+      if (!much) break;
+      rows_.squared_distances(a, squares_);
+      if (refined.converged && ((squares_ <= limit_) == before).all()) break;
     }
     return result;
   }
@@ -116,7 +135,7 @@ class PointLineEstimator {
   }
 
   const PointLines& rows_;
-  const Sampler& sampler_;
+  Sampler& sampler_;
   const sonocal::Model model_;
   const double limit_;
   Column squares_;
@@ -124,9 +143,9 @@ class PointLineEstimator {
 
 // Median squared distance over random samples' best transform: the noise, while most rows are sound.
 template <class Sampler>
-double limit_from_noise(const PointLines& rows, const Sampler& sampler, std::uint64_t seed) {
+double limit_from_noise(const PointLines& rows, Sampler& sampler, std::uint64_t seed) {
   Random random(seed);
-  Sample sample{0, 1, 2, 3};
+  Sample sample;
   Candidates candidates;
   Column squares;
   double least = kInfinity;
@@ -152,7 +171,7 @@ struct Start {
 };
 
 template <class Sampler>
-Start consensus_with(const PointLines& rows, const Sampler& sampler, const Options& options) {
+Start consensus_with(const PointLines& rows, Sampler sampler, const Options& options) {
   Start start;
   const bool automatic = !(options.threshold_mm > 0);
   start.limit = automatic ? limit_from_noise(rows, sampler, options.consensus.seed)

@@ -32,7 +32,7 @@ bool FourRows::repeats(const Sample& sample, int drawn, int candidate) const {
   });
 }
 
-void FourRows::draw(Random& random, Sample& sample) const {
+void FourRows::draw_one(Random& random, Sample& sample) const {
   for (int drawn = 0; drawn < sample_size(); ++drawn) {
     int candidate = 0;
     for (int tries = 0;; ++tries) {
@@ -44,7 +44,37 @@ void FourRows::draw(Random& random, Sample& sample) const {
   }
 }
 
-int FourRows::solve(const Sample& sample, Random&, Candidates& out) const {
+void FourRows::draw_ahead(Random& random) {
+  std::array<double, kAhead * 4 * 2> points;
+  std::array<double, kAhead * 4 * 6> segments;
+  for (int s = 0; s < kAhead; ++s) {
+    draw_one(random, samples_[s]);
+    for (int i = 0; i < 4; ++i) {
+      const int row = samples_[s][i];
+      const Needle needle = rows_.needle(row);
+      const Vector3d ends[2] = {needle.middle, needle.middle + needle.direction};
+      std::copy_n(rows_.point(row).data(), 2, &points[(s * 4 + i) * 2]);
+      for (int end = 0; end < 2; ++end)
+        std::copy_n(ends[end].data(), 3, &segments[(s * 4 + i) * 6 + 3 * end]);
+    }
+  }
+  four_points_batch(points.data(), segments.data(), kAhead, NoRealRoot::kRealPart, 1,
+                    {matrices_.data(), counts_.data()});
+  next_ = 0;
+}
+
+void FourRows::draw(Random& random, Sample& sample) {
+  if (next_ == kAhead) draw_ahead(random);
+  sample = samples_[next_++];
+  drawn_ = true;
+}
+
+int FourRows::solve(const Sample& sample, Random&, Candidates& out) {
+  if (drawn_) {
+    const int at = next_ - 1, count = static_cast<int>(counts_[at]);
+    for (int i = 0; i < count; ++i) out[i] = read_row_major(&matrices_[(at * 4 + i) * 16]);
+    return count;
+  }
   std::array<PointOnLine, 4> problem;
   for (int i = 0; i < 4; ++i) {
     const Needle needle = rows_.needle(sample[i]);

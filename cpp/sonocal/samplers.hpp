@@ -27,14 +27,23 @@ class FourRows {
   bool enumerable() const { return true; }
   // Rows of one frame are nearly the same information, and so are rows of one wire: a sample takes
   // different ones where there are enough.
-  void draw(Random& random, Sample& sample) const;
-  int solve(const Sample& sample, Random&, Candidates& out) const;
+  void draw(Random& random, Sample& sample);
+  int solve(const Sample& sample, Random&, Candidates& out);
 
  private:
+  // Samples are drawn and solved several at a time, side by side in vectors, and handed out one by one.
+  static constexpr int kAhead = 8;
   bool repeats(const Sample& sample, int drawn, int candidate) const;
+  void draw_one(Random& random, Sample& sample) const;
+  void draw_ahead(Random& random);
 
   const PointLines& rows_;
   Labels labels_;
+  std::array<Sample, kAhead> samples_;
+  std::array<double, kAhead * 4 * 16> matrices_;
+  std::array<std::int64_t, kAhead> counts_;
+  int next_ = kAhead;
+  bool drawn_ = false;
 };
 
 // Two sightings of a 3D probe, two points of each.

@@ -25,9 +25,10 @@ from sonocal.registration.degeneracy import (
     refuse_degenerate_lines,
     refuse_free_motion,
 )
+from sonocal.registration.fit import Fit, Model, Weighting
 from sonocal.registration.noise import Noise, estimate_noise, residual_vectors, stretch_length
 from sonocal.registration.refine import refine_point_lines
-from sonocal.registration.robust import MINIMAL_ROWS, Fit, Model, Weighting, fit_point_lines
+from sonocal.registration.robust import MINIMAL_ROWS, fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
 

@@ -15,8 +15,8 @@ from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.findings import Diagnostic
 from sonocal.geometry import AxisScaled, Similarity
+from sonocal.registration.fit import Model
 from sonocal.registration.noise import Noise
-from sonocal.registration.robust import Model
 
 __all__ = [
     "FORMAT",

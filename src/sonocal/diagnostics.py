@@ -8,8 +8,9 @@ import numpy as np
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.registration.fit import Fit
 from sonocal.registration.noise import Noise
-from sonocal.registration.robust import MINIMAL_ROWS, Fit
+from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.uncertainty import WeakMotion
 
 __all__ = [

@@ -60,13 +60,14 @@ ALL = [
 def make(planar: bool, batch: int, seed: int, scale: float = 0.24, offset_px: float = 0.0) -> Problem:
     """Random problems of the paper's simulation: image of 500 px, needles of 400 mm at 0.24 mm per px."""
     random = np.random.default_rng(seed)
-    points = random.uniform(0, IMAGE_SIZE, (batch, 4, 3)) + offset_px
+    offset = offset_px * np.array([1.0, 1.0, 0.0 if planar else 1.0])
+    points = random.uniform(0, IMAGE_SIZE, (batch, 4, 3)) + offset
     if planar:
         points[..., 2] = 0
     truth = np.tile(np.eye(4), (batch, 1, 1))
     truth[:, :3, :3] = scale * rotations(random, batch)
     size = scale * IMAGE_SIZE
-    truth[:, :3, 3] = random.uniform(-size, size, (batch, 3)) - truth[:, :3, :3] @ np.full(3, offset_px)
+    truth[:, :3, 3] = random.uniform(-size, size, (batch, 3)) - truth[:, :3, :3] @ offset
     on_line = apply(truth, points)
     directions = random.normal(size=(batch, 4, 3))
     if not planar:

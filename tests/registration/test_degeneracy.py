@@ -133,15 +133,19 @@ def test_lines_of_a_3d_probe_through_one_point():
     assert refused(line_rows(ends)).code == "lines-through-one-point"
 
 
-def test_coplanar_lines_of_a_3d_probe_are_said_to_be_unsupported():
-    ends = np.random.default_rng(2).uniform(0, 500, (6, 2, 3))
+def test_two_coplanar_lines_of_a_3d_probe_meet_and_leave_the_scale_free():
+    ends = np.random.default_rng(2).uniform(0, 500, (2, 2, 3))
     ends[..., 2] = 100
-    with pytest.raises(sc.UnsupportedError) as caught:
-        sc.calibrate(line_rows(ends))
-    assert str(caught.value) == (
-        "all 12 lines lie in one plane, where every two of them meet and no pair determines the calibration; "
-        "lift the needle out of the plane in at least one sighting"
-    )
+    assert refused(line_rows(ends)).code == "lines-through-one-point"
+
+
+@pytest.mark.parametrize("count", [3, 6])
+def test_three_coplanar_lines_of_a_3d_probe_are_enough(count):
+    ends = np.random.default_rng(2).uniform(0, 500, (count, 2, 3))
+    ends[..., 2] = 100
+    marker = random_similarity(2, scale=1.0)
+    found = sc.calibrate(line_rows(ends, marker)).probe_from_image
+    np.testing.assert_allclose(found.matrix, marker.matrix @ TRUTH.matrix, atol=1e-6)
 
 
 @pytest.mark.parametrize("tilt_deg", [1, 3, 10])

@@ -44,8 +44,9 @@ void four_points_batch(const double* points, const double* segments, std::size_t
                        int threads, BatchOut out) {
   if (size == 1) return solve_one(points, segments, policy, out);
   in_threads(size, threads, [&](std::size_t begin, std::size_t end) {
-    kernels().four_points(points + begin * 8, segments + begin * 24, end - begin,
-                          policy == NoRealRoot::kRealPart, {out.matrices + begin * 64, out.counts + begin});
+    kernels(size).four_points(points + begin * 8, segments + begin * 24, end - begin,
+                              policy == NoRealRoot::kRealPart,
+                              {out.matrices + begin * 64, out.counts + begin});
   });
 }
 

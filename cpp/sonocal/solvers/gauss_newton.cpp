@@ -11,6 +11,8 @@ namespace {
 using Matrix7d = Eigen::Matrix<double, 7, 7>;
 using Vector7d = Eigen::Matrix<double, 7, 1>;
 
+constexpr double kRounding = 1e-13;
+
 // The tangent turns and grows the image about its centre, which `centre` is carried to.
 struct Linearised {
   Matrix7d matrix = Matrix7d::Zero();
@@ -73,6 +75,8 @@ double gauss_newton(const PointOnPlane* rows, int count, int steps, double fixed
   double cost = squared_residuals(rows, count, a);
   double damping = 1e-12;
   for (int step = 0; step < steps; ++step) {
+    // Nothing but rounding is left: a step would follow it.
+    if (cost <= count * spread * std::pow(kRounding * a.scales[0], 2)) break;
     // Turns and growth in units that move a typical point by one.
     const double unit = 1.0 / (a.scales[0] * std::sqrt(spread));
     const Linearised equations = linearise(rows, count, image_centre, unit, a);

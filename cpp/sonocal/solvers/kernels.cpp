@@ -2,6 +2,7 @@
 #include "sonocal/solvers/kernels.hpp"
 
 #include "sonocal/solvers/four_points_lanes.hpp"
+#include "sonocal/solvers/three_quadrics_lanes.hpp"
 #include "sonocal/solvers/two_lines_lanes.hpp"
 
 namespace sonocal {
@@ -13,6 +14,8 @@ const Kernels SONOCAL_KERNELS{
     },
     [](const double* image, const double* needles, std::size_t size, BatchOut out) {
       two_lines_range(image, needles, size, out);
-    }};
+    },
+    [](const double* points, const double* planes, std::size_t size, int rows, bool real_parts,
+       BatchOut out) { three_quadrics_range(points, planes, size, rows, real_parts, out); }};
 
 }  // namespace sonocal

@@ -1,4 +1,4 @@
-// Closed-form solvers over ranges of a batch, compiled for several generations of processors.
+// Minimal solvers over ranges of a batch, compiled for several generations of processors.
 #pragma once
 
 #include <cstddef>
@@ -20,9 +20,11 @@ struct Kernels {
   void (*four_points)(const double* points, const double* segments, std::size_t size, bool real_parts,
                       BatchOut out);
   void (*two_lines)(const double* image, const double* needles, std::size_t size, BatchOut out);
+  void (*three_quadrics)(const double* points, const double* planes, std::size_t size, int rows,
+                         bool real_parts, BatchOut out);
 };
 
-// Those for this machine.
-const Kernels& kernels();
+// Those for this machine and so many problems: one problem does not fill wide registers, and waits for them.
+const Kernels& kernels(std::size_t size);
 
 }  // namespace sonocal

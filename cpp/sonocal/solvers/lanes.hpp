@@ -12,7 +12,9 @@
 
 // Forced, because this code is compiled once for every kind of machine: a copy that the linker could share
 // between them would bring one machine's instructions to another.
+#ifndef SONOCAL_INLINE
 #define SONOCAL_INLINE inline __attribute__((always_inline))
+#endif
 
 namespace sonocal {
 
@@ -58,6 +60,17 @@ SONOCAL_INLINE void set_lane(T& x, int i, double value) {
     x = value;
   else
     x[i] = value;
+}
+
+// Lane i of the result is lane from[i] of x.
+SONOCAL_INLINE Pack from_lanes(const Pack& x, const PackMask& from) {
+#if defined(__GNUC__) && !defined(__clang__)
+  return __builtin_shuffle(x, from);
+#else
+  Pack out;
+  for (int i = 0; i < kWidth; ++i) out[i] = x[from[i]];
+  return out;
+#endif
 }
 
 SONOCAL_INLINE bool any(bool mask) { return mask; }

@@ -27,6 +27,11 @@ Units units_of(const Problem& problem) {
   return units;
 }
 
+// Eigenvalues of so small an imaginary part may be a pair that rounding parted; polishing tells.
+constexpr double kNearlyReal = 1e-2;
+constexpr int kPolish = 40;
+constexpr double kVanishes = 1e-11;  // quadrics of unit vectors
+
 // Sizes known at run time only: fixed ones unroll every reflection and take minutes to compile.
 template <int kMost>
 using Bounded = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost>;
@@ -127,8 +132,34 @@ bool finish(const Matrix3d& s, const Vector3d& t, double one, bool planar, const
   return out.scales[0] > 0 && std::isfinite(out.translation.sum());
 }
 
-// Eigenvectors of an action matrix, scaled to end in 1: the real ones and, if asked for, the real part of one
-// of each complex pair.
+// Gauss-Newton on the quadrics over vectors of length one: eliminating fifty equations has lost digits that
+// the ten still hold. False where they do not vanish.
+template <int kSize, int kCount>
+bool polish(const Quadric<kSize> (&quadrics)[kCount], Eigen::Matrix<double, kSize, 1>& v) {
+  v.normalize();
+  double residual = 0;
+  for (int iteration = 0; iteration < kPolish && v.allFinite(); ++iteration) {
+    Bounded<kCount + 1> jacobian(kCount + 1, kSize), values(kCount + 1, 1);
+    for (int q = 0; q < kCount; ++q) {
+      Eigen::Matrix<double, kSize, kSize> m;
+      for (int i = 0; i < kSize; ++i)
+        for (int j = i; j < kSize; ++j) m(i, j) = m(j, i) = (i == j ? 1.0 : 0.5) * quadrics[q].at[i][j];
+      const Eigen::Matrix<double, kSize, 1> half = m * v;
+      jacobian.row(q) = 2 * half.transpose();
+      values(q, 0) = v.dot(half);
+    }
+    jacobian.row(kCount) = v.transpose();  // no step along v, which changes nothing
+    values(kCount, 0) = 0;
+    residual = values.norm() / jacobian.norm();
+    if (residual < 1e-15) break;
+    v -= jacobian.colPivHouseholderQr().solve(values);
+    v.normalize();
+  }
+  return residual < kVanishes && v.allFinite();
+}
+
+// Eigenvectors of an action matrix, scaled to end in 1: those that are real, or that only rounding made
+// complex, and with kRealPart the real part of one of each complex pair.
 template <int kSize, class Use>
 void for_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, NoRealRoot policy, const Use& use) {
   if (!action.allFinite()) return;
@@ -136,29 +167,27 @@ void for_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, NoRealR
   if (solver.info() != Eigen::Success) return;
   const auto vectors = solver.eigenvectors();
   for (int i = 0; i < kSize; ++i) {
-    const double imaginary = solver.eigenvalues()[i].imag();
-    if (imaginary < 0 || (imaginary > 0 && policy == NoRealRoot::kNothing)) continue;
-    use(Eigen::Matrix<double, kSize, 1>((vectors.col(i) / vectors(kSize - 1, i)).real()));
+    const auto value = solver.eigenvalues()[i];
+    if (value.imag() < 0) continue;
+    if (policy == NoRealRoot::kNothing && value.imag() > kNearlyReal * std::abs(value)) continue;
+    const Eigen::Matrix<double, kSize, 1> v = (vectors.col(i) / vectors(kSize - 1, i)).real();
+    use(v);
   }
 }
 
-}  // namespace
+// Appends a solution unless it is there already.
+template <std::size_t kMost>
+void append(const Transform& a, std::array<Transform, kMost>& solutions, int& count) {
+  if (count == static_cast<int>(kMost)) return;
+  for (int i = 0; i < count; ++i)
+    if ((solutions[i].linear() - a.linear()).norm() < 1e-7 * a.linear().norm()) return;
+  solutions[count++] = a;
+}
 
-int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<Transform, 8>& solutions,
-                    NoRealRoot policy) {
+// Eq. (12)-(17) in a basis of the subspace.
+void append_solutions(const Eigen::Matrix<double, 13, 6>& basis, const Units& units, NoRealRoot policy,
+                      std::array<Transform, 8>& solutions, int& count) {
   static const Monomials monomials;
-  const Units units = units_of(problem);
-  Eigen::Matrix<double, 13, 8> rows;
-  for (int i = 0; i < 4; ++i) {
-    const Vector3d x = problem[i].image / units.image, p = problem[i].point / units.space;
-    Vector3d n[2];
-    perpendicular_basis(problem[i].direction, n[0], n[1]);
-    for (int k = 0; k < 2; ++k)
-      rows.col(2 * i + k) << x[0] * n[k], x[1] * n[k], x[2] * n[k], n[k], -n[k].dot(p);
-  }
-  if (!rows.allFinite()) return 0;
-  const Eigen::Matrix<double, 13, 6> basis = subspace<13>(rows);
-
   Eigen::Matrix<double, 3, 6> c[3], r[3];
   for (int i = 0; i < 3; ++i) {
     c[i] = basis.middleRows<3>(3 * i);
@@ -186,14 +215,36 @@ int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<T
   action.topRows<5>() = back_substitute<5, 8>(m, 42);
   action(5, 0) = action(6, 1) = action(7, 5) = 1;  // b b = b^2, b a = ab, b 1 = b
   // Rows in the order of (16): b^2, ab, e, d, c are the first five, then b, a, 1.
-  int count = 0;
   for_eigenvectors<8>(action, policy, [&](const Eigen::Matrix<double, 8, 1>& v) {
     Eigen::Matrix<double, 6, 1> unknowns;
     unknowns << v[6], v[5], v[4], v[3], v[2], 1;
+    // A start for refinement needs no last digits, and the real part of a complex pair solves nothing.
+    if (policy == NoRealRoot::kNothing && !polish(quadrics, unknowns)) return;
     const Eigen::Matrix<double, 13, 1> a = basis * unknowns;
     const Matrix3d s = Eigen::Map<const Matrix3d>(a.data());
-    if (finish(s, a.segment<3>(9), a[12], false, units, solutions[count])) ++count;
+    Transform found;
+    if (finish(s, a.segment<3>(9), a[12], false, units, found)) append(found, solutions, count);
   });
+}
+
+}  // namespace
+
+int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<Transform, 8>& solutions,
+                    NoRealRoot policy) {
+  const Units units = units_of(problem);
+  Eigen::Matrix<double, 13, 8> rows;
+  for (int i = 0; i < 4; ++i) {
+    const Vector3d x = problem[i].image / units.image, p = problem[i].point / units.space;
+    Vector3d n[2];
+    perpendicular_basis(problem[i].direction, n[0], n[1]);
+    for (int k = 0; k < 2; ++k)
+      rows.col(2 * i + k) << x[0] * n[k], x[1] * n[k], x[2] * n[k], n[k], -n[k].dot(p);
+  }
+  if (!rows.allFinite()) return 0;
+  const Eigen::Matrix<double, 13, 6> basis = subspace<13>(rows);
+
+  int count = 0;
+  append_solutions(basis, units, policy, solutions, count);
   return count;
 }
 
@@ -229,11 +280,14 @@ int paper_four_points(const std::array<PointOnLine, 4>& problem, std::array<Tran
   action(2, 0) = action(3, 1) = 1;  // b a = ab, b 1 = b
   int count = 0;
   for_eigenvectors<4>(action, policy, [&](const Eigen::Vector4d& v) {
-    const Eigen::Matrix<double, 10, 1> a = basis * Vector3d(v[2], v[1], 1);
+    Eigen::Matrix<double, 3, 1> unknowns(v[2], v[1], 1);
+    if (policy == NoRealRoot::kNothing && !polish(quadrics, unknowns)) return;
+    const Eigen::Matrix<double, 10, 1> a = basis * unknowns;
     Matrix3d s = Matrix3d::Zero();
     s.col(0) = a.segment<3>(0);
     s.col(1) = a.segment<3>(3);
-    if (finish(s, a.segment<3>(6), a[9], true, units, solutions[count])) ++count;
+    Transform found;
+    if (finish(s, a.segment<3>(6), a[9], true, units, found)) append(found, solutions, count);
   });
   return count;
 }

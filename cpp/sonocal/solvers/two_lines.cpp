@@ -23,8 +23,8 @@ int two_lines(const std::array<Line, 2>& image, const std::array<Line, 2>& needl
 void two_lines_batch(const double* image, const double* needles, std::size_t size, int threads,
                      BatchOut out) {
   in_threads(size, threads, [&](std::size_t begin, std::size_t end) {
-    kernels().two_lines(image + begin * 12, needles + begin * 12, end - begin,
-                        {out.matrices + begin * 32, out.counts + begin});
+    kernels(size).two_lines(image + begin * 12, needles + begin * 12, end - begin,
+                            {out.matrices + begin * 32, out.counts + begin});
   });
 }
 

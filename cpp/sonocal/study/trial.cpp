@@ -17,7 +17,7 @@ constexpr int kFewestRows = 4;  // eight equations for seven parameters
 class PlainEstimator {
  public:
   using Model = Transform;
-  static constexpr int kMostModels = Hypotheses::kMost;
+  using Models = std::array<Transform, Hypotheses::kMost>;
 
   PlainEstimator(const PointLines& rows, const Hypotheses& hypotheses, double limit)
       : rows_(rows), hypotheses_(hypotheses), limit_(limit) {}
@@ -32,9 +32,7 @@ class PlainEstimator {
         sample[drawn++] = candidate;
     }
   }
-  int solve(const Sample& sample, Random&, std::array<Transform, kMostModels>& out) const {
-    return hypotheses_.solve(sample, out);
-  }
+  int solve(const Sample& sample, Random&, Models& out) const { return hypotheses_.solve(sample, out); }
   double score(const Transform& a, double enough) const { return rows_.truncated_sum(a, limit_, enough); }
   bool improve(Transform&, double&) const { return false; }
   double inlier_share(const Transform& a) const {

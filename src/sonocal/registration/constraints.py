@@ -11,10 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array, Similarity
+from sonocal.registration.rows import PointLineRows
 
 __all__ = [
     "FreeMotion",
@@ -42,10 +43,15 @@ class Rows:
     Attributes:
         points: (N, 3), source coordinates (px).
         planes: (N, 4), target coordinates (mm): (n, d), |n| = 1, n . x + d = 0.
+        first: (C + 1,): correspondence c has the rows ``first[c]`` up to ``first[c + 1]``.
+        lines: the same as points on lines, where all are points of a plane w = 0 on lines, or all are lines
+            on lines: what the fastest solvers take.
     """
 
     points: Array
     planes: Array
+    first: NDArray[np.int32]
+    lines: PointLineRows | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -66,12 +72,14 @@ class FreeMotion:
 
 def point_plane(points: ArrayLike, planes: ArrayLike) -> Rows:
     """Points (N, 3) in planes (N, 4): one row each."""
-    return _rows(_last(points, 3, "points"), _unit_planes(planes))
+    return _rows(_last(points, 3, "points"), _unit_planes(planes), 1)
 
 
 def point_line(points: ArrayLike, segments: ArrayLike) -> Rows:
     """Points (N, 3) on lines through segments (N, 2, 3): two rows each, of perpendicular planes."""
-    return _rows(np.repeat(_last(points, 3, "points"), 2, axis=0), planes_of_lines(segments).reshape(-1, 4))
+    x, ends = _last(points, 3, "points"), _segments(segments)
+    lines = PointLineRows(x, ends, dimension=2) if len(x) == len(ends) and not x[:, 2].any() else None
+    return _rows(np.repeat(x, 2, axis=0), planes_of_lines(ends).reshape(-1, 4), 2, lines)
 
 
 def point_point(source: ArrayLike, target: ArrayLike) -> Rows:
@@ -79,18 +87,27 @@ def point_point(source: ArrayLike, target: ArrayLike) -> Rows:
     x, y = _last(source, 3, "points"), _last(target, 3, "target points")
     normals = np.broadcast_to(np.eye(3), (len(y), 3, 3))
     planes = np.concatenate([normals, -y[:, :, None]], axis=-1)
-    return _rows(np.repeat(x, 3, axis=0), planes.reshape(-1, 4))
+    return _rows(np.repeat(x, 3, axis=0), planes.reshape(-1, 4), 3)
 
 
 def line_line(source_segments: ArrayLike, target_segments: ArrayLike) -> Rows:
     """Lines (N, 2, 3) on lines (N, 2, 3): both source points on the target line, four rows each (eq. 6-9)."""
-    ends = _segments(source_segments)
-    return point_line(ends.reshape(-1, 3), np.repeat(_segments(target_segments), 2, axis=0))
+    ends, needles = _segments(source_segments), np.repeat(_segments(target_segments), 2, axis=0)
+    points = ends.reshape(-1, 3)
+    sightings = np.repeat(np.arange(len(ends), dtype=np.int32), 2)
+    lines = PointLineRows(points, needles, dimension=3, sightings=sightings)
+    return _rows(
+        np.repeat(points, 2, axis=0),
+        planes_of_lines(needles).reshape(-1, 4),
+        4,
+        lines if len(points) == len(needles) else None,
+    )
 
 
 def line_plane(segments: ArrayLike, planes: ArrayLike) -> Rows:
     """Lines (N, 2, 3) in planes (N, 4): two rows each."""
-    return point_plane(_segments(segments).reshape(-1, 3), np.repeat(_last(planes, 4, "planes"), 2, axis=0))
+    ends = _segments(segments).reshape(-1, 3)
+    return _rows(ends, np.repeat(_unit_planes(planes), 2, axis=0), 2)
 
 
 def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float = 1.0) -> Rows:
@@ -106,12 +123,37 @@ def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float 
     axes = _normals(normals)
     foot = -source[:, 3:] * normals
     points = np.stack([foot, foot + size * axes[:, 0], foot + size * axes[:, 1]], axis=1)
-    return point_plane(points.reshape(-1, 3), np.repeat(_last(target_planes, 4, "planes"), 3, axis=0))
+    return _rows(points.reshape(-1, 3), np.repeat(_unit_planes(target_planes), 3, axis=0), 3)
 
 
 def rows(*parts: Rows) -> Rows:
     """All rows of several kinds of correspondence."""
-    return Rows(np.concatenate([p.points for p in parts]), np.concatenate([p.planes for p in parts]))
+    if len(parts) == 1:
+        return parts[0]
+    starts = np.cumsum([0, *(len(p) for p in parts)])
+    first = [p.first[:-1] + start for p, start in zip(parts, starts, strict=False)]
+    return Rows(
+        np.concatenate([p.points for p in parts]),
+        np.concatenate([p.planes for p in parts]),
+        np.concatenate([*first, starts[-1:]]).astype(np.int32),
+        _together([p.lines for p in parts]),
+    )
+
+
+def _together(parts: list[PointLineRows | None]) -> PointLineRows | None:
+    lines = [p for p in parts if p is not None]
+    if len(lines) < len(parts) or len({p.dimension for p in lines}) > 1:
+        return None
+    starts = np.cumsum([0, *(len(p) // 2 for p in lines)])
+    sightings = [
+        p.sightings + start for p, start in zip(lines, starts, strict=False) if p.sightings is not None
+    ]
+    return PointLineRows(
+        np.concatenate([p.points for p in lines]),
+        np.concatenate([p.segments_mm for p in lines]),
+        lines[0].dimension,
+        np.concatenate(sightings).astype(np.int32) if sightings else None,
+    )
 
 
 def planes_of_lines(segments: ArrayLike) -> Array:
@@ -214,10 +256,11 @@ def _text(vector: Array) -> str:
     return "(" + ", ".join(f"{c:.3g}" for c in vector + 0.0) + ")"
 
 
-def _rows(points: Array, planes: Array) -> Rows:
+def _rows(points: Array, planes: Array, each: int, lines: PointLineRows | None = None) -> Rows:
     if len(points) != len(planes):
         raise InputError(f"sources and targets must pair up; got {len(points)} and {len(planes)} rows")
-    return Rows(np.ascontiguousarray(points), np.ascontiguousarray(planes))
+    first = np.arange(0, len(points) + 1, each, dtype=np.int32)
+    return Rows(np.ascontiguousarray(points), np.ascontiguousarray(planes), first, lines)
 
 
 def _last(values: ArrayLike, size: int, what: str) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sonocal.errors import DegenerateGeometryError, UnsupportedError
+from sonocal.errors import DegenerateGeometryError
 from sonocal.geometry import Array, segment_directions
 
 __all__ = ["direction_spread", "refuse_degenerate_lines", "refuse_free_motion"]
@@ -30,7 +30,6 @@ def refuse_degenerate_lines(points: Array, segments_mm: Array, dimension: int) -
     Raises:
         DegenerateGeometryError: parallel lines, lines through one point, and in 2D coplanar lines or
             image points on one line; the sentence says what is free and what to scan next.
-        UnsupportedError: coplanar lines of a 3D probe.
 
     Source: paper section 7.
     """
@@ -51,11 +50,6 @@ def refuse_degenerate_lines(points: Array, segments_mm: Array, dimension: int) -
             code="lines-through-one-point",
         )
     coplanar = thickness < EXACT_LENGTH * size
-    if dimension == 3 and coplanar:
-        raise UnsupportedError(
-            f"all {len(points)} lines lie in one plane, where every two of them meet and no pair determines "
-            "the calibration; lift the needle out of the plane in at least one sighting"
-        )
     if dimension == 2:
         _refuse_flat_image(points, coplanar)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import Array, AxisScaled
-from sonocal.registration.robust import Fit, away_from_lines
+from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows, transform_arrays
 
 __all__ = ["Noise", "estimate_noise", "residual_vectors", "stretch_length"]

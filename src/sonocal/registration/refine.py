@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import AxisScaled
-from sonocal.registration.robust import Fit, Model, Weighting, fit_of
+from sonocal.registration.fit import Fit, Model, Weighting, fit_of
 from sonocal.registration.rows import PointLineRows, transform_arrays
 
 __all__ = ["refine_point_lines"]

@@ -2,60 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.errors import NoConsensusError
-from sonocal.geometry import Array, AxisScaled, Similarity, segment_directions
+from sonocal.geometry import Similarity
+from sonocal.registration.constraints import planes_of_lines
+from sonocal.registration.fit import Fit, Model, Weighting, away_from_lines, fit_of
+from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["MINIMAL_ROWS", "Fit", "Model", "Weighting", "fit_point_lines"]
+__all__ = ["MINIMAL_ROWS", "fit_point_lines"]
 
 # Four points in 2D, two points of each of two lines in 3D: 8 equations for 7 parameters.
 MINIMAL_ROWS = 4
+# Lines in one plane that determine the calibration of a 3D probe: any two of them meet.
+COPLANAR_LINES = 3
+# Information of an answer that has shrunk the image to a point, as pairs of meeting lines can.
+COLLAPSED = 1e-12
 # How many other rows' lines each point is compared with to see what agrees by chance.
 CHANCE_SHIFTS = 12
-
-Model = Literal["similarity", "anisotropic"]
-Weighting = Literal["likelihood", "geometric"]
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """A transform and the rows that agree with it.
-
-    Attributes:
-        transform: mm from px.
-        model: one scale, or one along u and one along v.
-        weighting: what the refinement minimised.
-        covariance: (k, k), of the tangent. With the likelihood's weights it holds the noise; geometric, it is
-            ``(J'J)^-1``, for residuals of 1 mm.
-        sigma_px, sigma_mm: noise levels behind the likelihood's weights, given or estimated: of a point along
-            each image axis, of a segment's end point along each axis. Zero when geometric.
-        residuals_mm: (N,): distance of every mapped point to its line.
-        inlier: (N,): whether the row was fitted.
-        threshold_mm: rows within this distance agree.
-        least_information: least eigenvalue of J'J a row in coordinates of order one; 0: a motion is free.
-        samples: how many minimal samples were tried.
-        converged: whether the refinement came to rest.
-    """
-
-    transform: AxisScaled
-    model: Model
-    weighting: Weighting
-    covariance: Array
-    sigma_px: float
-    sigma_mm: float
-    residuals_mm: Array
-    inlier: NDArray[np.bool_]
-    threshold_mm: float
-    least_information: float
-    samples: int
-    converged: bool
 
 
 def fit_point_lines(
@@ -68,7 +37,7 @@ def fit_point_lines(
     sigma_mm: float | None = None,
     confidence: float = 0.99999,
     max_samples: int = 10_000,
-    exhaustive_samples: int = 2_000,
+    exhaustive_samples: int = 200,
     seed: int = 0,
 ) -> Fit:
     """The transform that most points agree with, refined on those that do.
@@ -129,7 +98,21 @@ def fit_point_lines(
         exhaustive_samples=exhaustive_samples,
         seed=seed,
     )
-    if not found.found or found.inliers < min(MINIMAL_ROWS + 1, len(rows)):
+    missed = not found.found or found.inliers < min(MINIMAL_ROWS + 1, len(rows))
+    if rows.dimension == 3 and threshold_mm != "auto" and (missed or not found.least_information > COLLAPSED):
+        coplanar = _fit_coplanar(
+            rows,
+            model=model,
+            weighting=weighting,
+            threshold_mm=threshold_mm,
+            sigma_px=sigma_px,
+            sigma_mm=sigma_mm,
+            max_samples=max_samples,
+            seed=seed,
+        )
+        if coplanar is not None:
+            return coplanar
+    if missed:
         raise NoConsensusError(
             f"no calibration brings more than {found.inliers} of {len(rows)} rows within "
             f"{found.threshold_mm:.3g} mm of their lines, and any {MINIMAL_ROWS} rows can be fitted; check that rows "
@@ -140,6 +123,47 @@ def fit_point_lines(
     if 2 * found.inliers < len(rows):
         _refuse_chance(rows, fit)
     return fit
+
+
+def _fit_coplanar(
+    rows: PointLineRows,
+    *,
+    model: Model,
+    weighting: Weighting,
+    threshold_mm: float,
+    sigma_px: float | None,
+    sigma_mm: float | None,
+    max_samples: int,
+    seed: int,
+) -> Fit | None:
+    """The fit of a 3D probe's lines of which any two meet: samples of point-plane rows determine it still."""
+    assert rows.sightings is not None
+    order = np.argsort(rows.sightings, kind="stable")
+    first = np.concatenate([[0], 2 * np.cumsum(np.bincount(rows.sightings))]).astype(np.int32)
+    rotation, translation, scale, _, inliers, samples, found, _ = _core.estimate_correspondences(
+        np.repeat(rows.points[order], 2, axis=0),
+        planes_of_lines(rows.segments_mm[order]).reshape(-1, 4),
+        first,
+        threshold_mm=threshold_mm,
+        refine=True,
+        confidence=0.99999,
+        max_samples=max_samples,
+        seed=seed,
+    )
+    if not found or inliers < COPLANAR_LINES:
+        return None
+    start = Similarity(rotation, translation, scale)
+    away = np.linalg.norm(away_from_lines(start @ rows.points, rows.segments_mm), axis=1)
+    fit = refine_point_lines(
+        start,
+        rows,
+        away <= threshold_mm,
+        model=model,
+        weighting=weighting,
+        sigma_px=sigma_px,
+        sigma_mm=sigma_mm,
+    )
+    return replace(fit, threshold_mm=threshold_mm, samples=samples, inlier=fit.residuals_mm <= threshold_mm)
 
 
 def _refuse_chance(rows: PointLineRows, fit: Fit) -> None:
@@ -170,32 +194,3 @@ def _refuse_chance(rows: PointLineRows, fit: Fit) -> None:
             "that rows are matched to the right needle poses and that segments are in the probe marker's frame in mm",
             best_count=agreeing,
         )
-
-
-def away_from_lines(points_mm: Array, segments_mm: Array) -> Array:
-    """(N, 3), mm: from each line to its point, at right angles to the line."""
-    directions = segment_directions(segments_mm)
-    away = points_mm - segments_mm[:, 0]
-    return np.asarray(away - np.sum(away * directions, axis=1, keepdims=True) * directions)
-
-
-def fit_of(found: _core.Estimate, model: Model, weighting: Weighting, inlier: NDArray[np.bool_]) -> Fit:
-    """The core's plain struct as a fit."""
-    if model == "similarity":
-        transform: AxisScaled = Similarity(found.rotation, found.translation, found.scales[0])
-    else:
-        transform = AxisScaled(found.rotation, found.translation, found.scales)
-    return Fit(
-        transform=transform,
-        model=model,
-        weighting=weighting,
-        covariance=found.covariance,
-        sigma_px=found.level_px,
-        sigma_mm=found.level_mm,
-        residuals_mm=np.sqrt(found.squares),
-        inlier=inlier,
-        threshold_mm=found.threshold_mm,
-        least_information=found.least_information,
-        samples=found.samples,
-        converged=found.converged,
-    )

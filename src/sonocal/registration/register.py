@@ -1,0 +1,255 @@
+"""Any mix of points, lines and planes that determines a similarity, in one call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal import _core
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.geometry import Array, Similarity
+from sonocal.registration.constraints import Rows, rank, refuse_degenerate_rows
+from sonocal.registration.degeneracy import (
+    SUSPICIOUS_INFORMATION,
+    refuse_degenerate_lines,
+    refuse_free_motion,
+)
+from sonocal.registration.fit import Fit, Weighting
+from sonocal.registration.robust import fit_point_lines
+from sonocal.registration.rows import PointLineRows
+
+__all__ = ["PARAMETERS", "Registration", "register"]
+
+# Of a similarity: three of rotation, three of translation, one of scale.
+PARAMETERS = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """A similarity and the correspondences that agree with it.
+
+    Attributes:
+        target_from_source: mm from px (or whatever units the two sides have).
+        covariance: (7, 7), of the tangent: rotation vector applied on the left (rad), translation (mm), log
+            scale; the noise is in it. None where no row is left to estimate the noise.
+        residuals_mm: (C,): root mean square distance of each correspondence's points from their targets.
+        inlier: (C,): whether the correspondence was fitted.
+        threshold_mm: correspondences within this distance agree.
+        samples: how many minimal samples were tried.
+        converged: whether the refinement came to rest.
+    """
+
+    target_from_source: Similarity
+    covariance: Array | None
+    residuals_mm: Array
+    inlier: NDArray[np.bool_]
+    threshold_mm: float
+    samples: int
+    converged: bool
+
+
+def register(
+    constraints: Rows,
+    *,
+    robust: bool = True,
+    refine: bool = True,
+    weighting: Weighting = "likelihood",
+    threshold_mm: float | Literal["auto"] = 5.0,
+    sigma_px: float | None = None,
+    sigma_mm: float | None = None,
+    confidence: float = 0.99999,
+    max_samples: int = 10_000,
+    seed: int = 0,
+) -> Registration:
+    """The similarity that brings points, lines and planes onto points, lines and planes.
+
+    Points of an image plane on lines, and lines on lines, take the closed forms and the likelihood of
+    `fit_point_lines`. Every other mix takes samples of as many correspondences as determine a similarity,
+    seven rows of which give candidates (`solvers.three_quadrics`), and least squares on all rows that agree.
+
+    Args:
+        constraints: from `point_plane`, `point_line`, `point_point`, `line_line`, `line_plane`,
+            `plane_plane`; several kinds put together by `rows`.
+        robust: leave out correspondences further than the threshold; False: fit all.
+        refine: False: the answer of the consensus, before it is refined to convergence.
+        weighting: of points or lines on lines: "likelihood" weighs residuals by the noise they carry;
+            "geometric", and every other mix, takes all distances alike.
+        threshold_mm: correspondences within this distance agree, in units of the target; "auto" (points or
+            lines on lines only): from the noise.
+        sigma_px: noise of a source point along every axis, where known; for the likelihood.
+        sigma_mm: noise of a target segment's end point along every axis, where known; for the likelihood.
+        confidence: of having drawn a sample without outliers.
+        max_samples: random samples at the most.
+        seed: of the random samples.
+
+    Returns:
+        The registration.
+
+    Raises:
+        InputError: a value is not finite, or "auto" is asked of a mix.
+        DegenerateGeometryError: the correspondences leave a motion free; the sentence names it and the rank.
+        NoConsensusError: no similarity agrees with enough of them.
+
+    Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
+    """
+    _refuse_few(constraints)
+    if constraints.lines is not None and refine:
+        return _register_lines(
+            constraints.lines,
+            weighting=weighting,
+            threshold_mm=threshold_mm if robust else np.inf,
+            sigma_px=sigma_px,
+            sigma_mm=sigma_mm,
+            confidence=confidence,
+            max_samples=max_samples,
+            seed=seed,
+        )
+    if threshold_mm == "auto":
+        raise InputError(
+            'threshold_mm="auto" needs points or lines on lines alone; give a mix a threshold in mm'
+        )
+    rotation, translation, scale, squares, inliers, samples, found, converged = (
+        _core.estimate_correspondences(
+            constraints.points,
+            constraints.planes,
+            constraints.first,
+            threshold_mm=threshold_mm if robust else np.inf,
+            refine=refine,
+            confidence=confidence,
+            max_samples=max_samples,
+            seed=seed,
+        )
+    )
+    if not found:
+        _refuse_free(constraints)
+        raise NoConsensusError("no minimal sample of the correspondences has a similarity", best_count=0)
+    similarity = Similarity(rotation, translation, scale)
+    inlier = squares <= (threshold_mm if robust else np.inf) ** 2
+    chosen = np.repeat(inlier, np.diff(constraints.first))
+    if chosen.sum() < PARAMETERS:
+        raise NoConsensusError(
+            f"no similarity brings more than {inliers} of {len(inlier)} correspondences within "
+            f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
+            best_count=inliers,
+        )
+    return Registration(
+        target_from_source=similarity,
+        covariance=_covariance(constraints.points[chosen], constraints.planes[chosen], similarity),
+        residuals_mm=np.sqrt(squares),
+        inlier=inlier,
+        threshold_mm=float(threshold_mm),
+        samples=samples,
+        converged=converged,
+    )
+
+
+def _register_lines(
+    lines: PointLineRows,
+    *,
+    weighting: Weighting,
+    threshold_mm: float | Literal["auto"],
+    sigma_px: float | None,
+    sigma_mm: float | None,
+    confidence: float,
+    max_samples: int,
+    seed: int,
+) -> Registration:
+    try:
+        fit = fit_point_lines(
+            lines,
+            weighting=weighting,
+            threshold_mm=threshold_mm,
+            sigma_px=sigma_px,
+            sigma_mm=sigma_mm,
+            confidence=confidence,
+            max_samples=max_samples,
+            seed=seed,
+        )
+    except NoConsensusError:
+        refuse_degenerate_lines(lines.points, lines.segments_mm, lines.dimension)
+        raise
+    if fit.least_information < SUSPICIOUS_INFORMATION:
+        refuse_degenerate_lines(lines.points[fit.inlier], lines.segments_mm[fit.inlier], lines.dimension)
+        refuse_free_motion(fit.least_information)
+    residuals, inlier = fit.residuals_mm, fit.inlier
+    if lines.dimension == 3:  # both points of a line
+        residuals = np.sqrt(0.5 * (residuals[::2] ** 2 + residuals[1::2] ** 2))
+        inlier = inlier[::2] & inlier[1::2]
+    assert isinstance(fit.transform, Similarity)
+    return Registration(
+        target_from_source=fit.transform,
+        covariance=_line_covariance(fit),
+        residuals_mm=residuals,
+        inlier=inlier,
+        threshold_mm=fit.threshold_mm,
+        samples=fit.samples,
+        converged=fit.converged,
+    )
+
+
+def _line_covariance(fit: Fit) -> Array | None:
+    spare = 2 * int(fit.inlier.sum()) - PARAMETERS
+    if spare <= 0:
+        return None
+    if fit.weighting == "likelihood":
+        return fit.covariance
+    return fit.covariance * (float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / spare)
+
+
+def _covariance(points: Array, planes: Array, similarity: Similarity) -> Array | None:
+    """Of the tangent about the source's origin, from the residuals; None without a row to spare."""
+    if len(points) <= PARAMETERS:
+        return None
+    arms = similarity.scale * points @ similarity.rotation.T
+    normals = planes[:, :3]
+    jacobian = np.column_stack([np.cross(arms, normals), normals, np.einsum("ij,ij->i", arms, normals)])
+    residuals = np.einsum("ij,ij->i", arms + similarity.translation, normals) + planes[:, 3]
+    size = np.linalg.norm(jacobian, axis=0)  # columns of order one: the inverse keeps its digits
+    inverse = np.linalg.inv((jacobian / size).T @ (jacobian / size))
+    variance = residuals @ residuals / (len(points) - PARAMETERS)
+    return np.asarray(variance * inverse / np.outer(size, size))
+
+
+def _refuse_few(constraints: Rows) -> None:
+    if not len(constraints):
+        raise InputError("there is no correspondence to register; give points, lines or planes")
+    if len(constraints) < PARAMETERS:
+        _refuse_free(constraints)
+
+
+def _refuse_free(constraints: Rows) -> None:
+    """Raise if the rows leave a motion free: whatever the solution, or about one of their solutions."""
+    refuse_degenerate_rows(constraints.points, constraints.planes)
+    free = rank(constraints, _any_solution(constraints))
+    if free.rank < PARAMETERS:
+        raise DegenerateGeometryError(
+            f"the correspondences determine {free.rank} of {PARAMETERS} motions; free: "
+            f"{'; '.join(free.motions)}; add one that holds it",
+            code="rank-deficient",
+        )
+
+
+def _any_solution(constraints: Rows) -> Similarity:
+    """One of the similarities that rows which determine none allow: least squares from several turns."""
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    points, normals, offsets = constraints.points, constraints.planes[:, :3], constraints.planes[:, 3]
+    centre = points.mean(axis=0)
+    size = max(float(np.abs(points - centre).max()), 1e-300)
+    reach = max(float(np.abs(offsets).max()), 1e-300)
+
+    def similarity(v: Array) -> Similarity:
+        rotation = Rotation.from_rotvec(v[:3]).as_matrix()
+        scale = float(np.exp(v[6])) * reach / size
+        return Similarity(rotation, reach * v[3:6] - scale * rotation @ centre, scale)
+
+    def residuals(v: Array) -> Array:
+        return np.asarray((np.einsum("ij,ij->i", normals, similarity(v) @ points) + offsets) / reach)
+
+    turns = [np.zeros(3), *(2.0 * np.eye(3)), *(-2.0 * np.eye(3))]
+    fits = [least_squares(residuals, np.concatenate([turn, np.zeros(4)])) for turn in turns]
+    return similarity(min(fits, key=lambda fit: fit.cost).x)

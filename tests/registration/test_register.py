@@ -1,0 +1,202 @@
+"""Registration of any mix of points, lines and planes, as someone sees it who has never heard of ultrasound."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from sonocal import registration as reg
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.geometry import Similarity
+
+SEEDS = st.integers(0, 2**32 - 1)
+# As many of each kind as determine a similarity, with one to spare.
+ENOUGH = {
+    "point_plane": 8,
+    "point_line": 5,
+    "plane_points_line": 6,
+    "point_point": 4,
+    "line_line": 3,
+    "line_plane": 5,
+    "plane_plane": 5,
+}
+
+
+def truth(random: np.random.Generator) -> Similarity:
+    return Similarity.from_rotvec(
+        random.normal(size=3), random.uniform(-100, 100, 3), float(random.uniform(0.05, 2))
+    )
+
+
+def planes_through(places, random, along=None):
+    normals = (
+        random.normal(size=places.shape)
+        if along is None
+        else np.cross(along, random.normal(size=along.shape))
+    )
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.column_stack([normals, -np.einsum("ij,ij->i", normals, places)])
+
+
+def correspondences(kind: str, count: int, true: Similarity, random, noise: float = 0.0) -> reg.Rows:
+    """Noise in mm moves what is in the target."""
+    points = random.uniform(0, 500, (count, 3))
+    if kind == "plane_points_line":
+        points[:, 2] = 0
+    ends = random.uniform(0, 500, (count, 2, 3))
+    places = true @ points + noise * random.normal(size=points.shape)
+    lines = (true @ ends.reshape(-1, 3)).reshape(ends.shape) + noise * random.normal(size=ends.shape)
+    if kind == "point_plane":
+        return reg.point_plane(points, planes_through(places, random))
+    if kind in ("point_line", "plane_points_line"):
+        along = random.normal(size=places.shape)
+        return reg.point_line(points, np.stack([places - 20 * along, places + 30 * along], axis=1))
+    if kind == "point_point":
+        return reg.point_point(points, places)
+    if kind == "line_line":
+        return reg.line_line(ends, lines)
+    if kind == "line_plane":
+        return reg.line_plane(ends, planes_through(lines[:, 0], random, along=lines[:, 1] - lines[:, 0]))
+    source = planes_through(points, random)
+    normals = source[:, :3] @ true.rotation.T
+    target = np.column_stack([normals, -np.einsum("ij,ij->i", normals, places)])
+    return reg.plane_plane(source, target, size=100.0)
+
+
+@pytest.mark.parametrize("kind", ENOUGH)
+@given(seed=SEEDS)
+@settings(max_examples=15)
+def test_each_kind_alone_determines_the_similarity(kind, seed):
+    random = np.random.default_rng(seed)
+    true = truth(random)
+    found = reg.register(correspondences(kind, ENOUGH[kind], true, random))
+    np.testing.assert_allclose(found.target_from_source.matrix, true.matrix, atol=1e-5)
+    assert found.inlier.all()
+    assert len(found.residuals_mm) == ENOUGH[kind]
+
+
+@given(seed=SEEDS, kinds=st.lists(st.sampled_from(sorted(ENOUGH)), min_size=2, max_size=5))
+@settings(max_examples=30)
+def test_any_mix_determines_it_in_any_order(seed, kinds):
+    random = np.random.default_rng(seed)
+    true = truth(random)
+    parts = [correspondences(kind, 4, true, random) for kind in kinds]
+    for ordered in (parts, parts[::-1]):
+        found = reg.register(reg.rows(*ordered)).target_from_source
+        np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-5)
+
+
+@given(seed=SEEDS)
+@settings(max_examples=15)
+def test_gross_outliers_are_left_out(seed):
+    random = np.random.default_rng(seed)
+    true = truth(random)
+    sound = [
+        correspondences(kind, 10, true, random, noise=0.1)
+        for kind in ("point_plane", "line_plane", "point_point")
+    ]
+    wrong = correspondences("point_point", 8, truth(random), random)
+    found = reg.register(reg.rows(*sound, wrong), threshold_mm=1.0)
+    assert not found.inlier[30:].any()
+    assert found.inlier[:30].sum() >= 29
+    alone = reg.register(reg.rows(*sound), threshold_mm=1.0)
+    np.testing.assert_allclose(found.target_from_source.matrix, alone.target_from_source.matrix, atol=1e-6)
+
+
+@given(seed=SEEDS)
+@settings(max_examples=10)
+def test_scipy_finds_no_better_fit_of_a_mix_and_the_same_covariance(seed):
+    random = np.random.default_rng(seed)
+    true = truth(random)
+    mix = reg.rows(
+        *(
+            correspondences(kind, 12, true, random, noise=0.2)
+            for kind in ("point_plane", "line_line", "point_point")
+        )
+    )
+    found = reg.register(mix, robust=False)
+
+    def residuals(v):
+        moved = Similarity.from_rotvec(v[:3], v[3:6], float(np.exp(v[6]))) @ mix.points
+        return np.einsum("ij,ij->i", mix.planes[:, :3], moved) + mix.planes[:, 3]
+
+    from scipy.spatial.transform import Rotation
+
+    start = found.target_from_source
+    start_v = np.concatenate(
+        [Rotation.from_matrix(start.rotation).as_rotvec(), start.translation, [np.log(start.scale)]]
+    )
+    best = least_squares(residuals, start_v, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert np.sum(residuals(start_v) ** 2) <= np.sum(best.fun**2) * (1 + 1e-9)
+    spare = len(mix) - 7
+    theirs = np.linalg.inv(best.jac.T @ best.jac) * np.sum(best.fun**2) / spare
+    # Translation and scale have the same tangent; the rotation's differs in its chart.
+    np.testing.assert_allclose(found.covariance[3:, 3:], theirs[3:, 3:], rtol=1e-4, atol=1e-12)
+
+
+def test_lines_on_lines_take_the_same_road_as_a_3d_probe():
+    random = np.random.default_rng(1)
+    true = truth(random)
+    rows = correspondences("line_line", 8, true, random, noise=0.3)
+    assert rows.lines is not None
+    assert rows.lines.dimension == 3
+    both = reg.rows(rows, correspondences("line_line", 4, true, random, noise=0.3))
+    assert both.lines is not None
+    assert both.lines.sightings.max() == 11
+    found = reg.register(both, weighting="geometric")
+    general = reg.register(reg.Rows(both.points, both.planes, both.first), threshold_mm=5.0)
+    np.testing.assert_allclose(found.target_from_source.matrix, general.target_from_source.matrix, atol=1e-6)
+    np.testing.assert_allclose(found.covariance, general.covariance, rtol=1e-4, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "count", "determined"),
+    [("point_plane", 5, 5), ("point_line", 3, 6), ("line_plane", 3, 6), ("plane_plane", 2, 5)],
+)
+def test_too_few_are_refused_with_their_rank(kind, count, determined):
+    random = np.random.default_rng(3)
+    with pytest.raises(
+        DegenerateGeometryError, match=f"determine {determined} of 7 motions; free: |leave .* free"
+    ):
+        reg.register(correspondences(kind, count, truth(random), random))
+
+
+def test_three_planes_leave_growth_about_their_common_point():
+    random = np.random.default_rng(4)
+    true = truth(random)
+    with pytest.raises(DegenerateGeometryError, match="growth about the point"):
+        reg.register(correspondences("plane_plane", 3, true, random))
+    rows = reg.rows(
+        correspondences("plane_plane", 3, true, random), correspondences("point_plane", 1, true, random)
+    )
+    np.testing.assert_allclose(reg.register(rows).target_from_source.matrix, true.matrix, atol=1e-6)
+
+
+def test_correspondences_that_have_nothing_to_do_with_each_other_are_refused():
+    random = np.random.default_rng(5)
+    with pytest.raises(NoConsensusError, match="no similarity brings more than"):
+        reg.register(
+            reg.point_point(random.uniform(0, 500, (20, 3)), random.uniform(0, 500, (20, 3))),
+            threshold_mm=0.1,
+            max_samples=500,
+        )
+
+
+def test_what_cannot_be_registered_is_said_in_one_sentence():
+    points = np.zeros((3, 3))
+    with pytest.raises(InputError, match="pair up"):
+        reg.point_point(points, np.zeros((2, 3)))
+    with pytest.raises(InputError, match="finite"):
+        reg.register(reg.point_point(points, np.full((3, 3), np.nan)))
+    with pytest.raises(InputError, match="threshold in mm"):
+        random = np.random.default_rng(6)
+        reg.register(correspondences("point_point", 4, truth(random), random), threshold_mm="auto")
+
+
+def test_without_refinement_the_consensus_answers():
+    random = np.random.default_rng(7)
+    true = truth(random)
+    rows = correspondences("line_line", 6, true, random, noise=0.5)
+    raw, refined = (reg.register(rows, refine=refine, weighting="geometric") for refine in (False, True))
+    assert np.sum(refined.residuals_mm**2) <= np.sum(raw.residuals_mm**2) * (1 + 1e-9)
