@@ -50,6 +50,14 @@ def test_the_fewest_needles_are_enough_and_one_less_is_refused(name, dimension):
     assert np.isfinite(after).all(axis=(1, 2)).mean() > 0.5
 
 
+@pytest.mark.parametrize(("name", "dimension"), [("4point2D", 2), ("2line3D", 2), ("2line3D", 3)])
+def test_noise_does_not_leave_the_papers_minimal_solvers_without_a_start(name, dimension):
+    """A twentieth of noisy samples have no real solution in 2D, and most have none in 3D: real parts serve."""
+    scene = Scene(dimension=dimension, needles=5)
+    before, _ = run_method(name, scene, simulate_block(scene, 0, 0, 0), threshold_mm=5.0)
+    assert np.isfinite(before).all()
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_sonocals_trials_are_what_calibrate_gives(dimension):
     scene = Scene(dimension=dimension, needles=12)

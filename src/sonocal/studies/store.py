@@ -6,6 +6,7 @@ import hashlib
 import io
 import re
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -93,16 +94,19 @@ class Store:
             name: of the array.
             method: only this one's, by its index.
         """
-        pieces, at = [], 0
+        pieces = self._pieces(index, name)
+        return np.concatenate([piece if method is None else piece[:, method].copy() for piece in pieces])
+
+    def _pieces(self, index: int, name: str) -> Iterator[Array]:
+        """The same, shard by shard: no more than one is in memory."""
+        at = 0
         for first, last in sorted(self._runs[index].items()):
             end = min(last, self.study.trials)
             if end <= at:
                 continue
             with np.load(self._shard(index, first, last)) as shard:
-                values = shard[name][at - first : end - first]
-            pieces.append(values if method is None else values[:, method].copy())
+                yield shard[name][at - first : end - first]
             at = end
-        return np.concatenate(pieces)
 
     @property
     def digest(self) -> str:
@@ -114,7 +118,8 @@ class Store:
         whole = hashlib.sha256()
         for index in range(len(self._runs)):
             for name in ("errors", "wire_errors", "bound", "bound_draws"):
-                whole.update(self.read(index, name).tobytes())
+                for piece in self._pieces(index, name):
+                    whole.update(piece.tobytes())
         self._manifest.complete, self._manifest.digest = True, whole.hexdigest()
         self._manifest.shards = {
             path.name: hashlib.sha256(path.read_bytes()).hexdigest()
