@@ -31,7 +31,11 @@ def local(count: int) -> Iterator[Workers]:
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": ALLOWED_DEATHS}),
         distributed.LocalCluster(
-            n_workers=count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", host="127.0.0.1"
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            host="127.0.0.1",
         ) as cluster,
         distributed.Client(cluster) as client,
         _ends_in_words("the local cluster"),
