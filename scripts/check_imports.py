@@ -42,14 +42,31 @@ ALLOWED: dict[str, set[str]] = {
     "report": EVERYONE | CALIBRATION | {"observations", "registration", "validation"},
     "terminal_validation": EVERYONE | CALIBRATION | {"report", "terminal_parts", "validation"},
     "simulation": EVERYONE | {"recording", "observations"},
+    "studies": EVERYONE
+    | CALIBRATION
+    | {"_core", "observations", "registration", "report", "simulation", "validation"},
     "terminal_parts": EVERYONE,
+    "terminal_study": EVERYONE | {"studies"},
     "terminal": EVERYONE | CALIBRATION | {"observations", "registration", "simulation", "terminal_parts"},
     "terminal_recording": EVERYONE | {"recording", "sightings", "terminal_parts", "tool_calibration"},
 }
 # These see everything: the public face and the command line.
 UNRESTRICTED = {"__init__", "__main__"} | {path.stem for path in PACKAGE.glob("cli*.py")}
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
-LAZY = {"scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL"}
+LAZY = {
+    "scipy",
+    "click",
+    "rich",
+    "matplotlib",
+    "jinja2",
+    "h5py",
+    "nrrd",
+    "pydicom",
+    "av",
+    "PIL",
+    "dask",
+    "distributed",
+}
 LAZY_EXEMPT = {path.stem: {"click"} for path in PACKAGE.glob("cli*.py")}
 LAZY_EXEMPT |= {path.stem: {"rich"} for path in PACKAGE.glob("terminal*.py")}
 

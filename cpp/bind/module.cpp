@@ -5,4 +5,5 @@ NB_MODULE(_core, m) {
   bind_solvers(m);
   bind_estimate(m);
   bind_detection(m);
+  bind_study(m);
 }

@@ -13,6 +13,7 @@ from sonocal.cli_detection import COMMANDS
 from sonocal.cli_export import export
 from sonocal.cli_info import info
 from sonocal.cli_options import console, output_folder, seed
+from sonocal.cli_study import study
 from sonocal.cli_tool import tool
 from sonocal.cli_validation import validate
 from sonocal.errors import SonocalError
@@ -79,5 +80,5 @@ def demo(output: Path, dimension: str, needles: int, outliers: float, seed: int)
     screen.print(f"Next: sonocal calibrate {output / 'observations.csv'}", soft_wrap=True)
 
 
-for _command in (calibrate, *COMMANDS, tool, validate, export, info):
+for _command in (calibrate, *COMMANDS, tool, validate, study, export, info):
     main.add_command(_command)

@@ -15,10 +15,14 @@ namespace sonocal {
 struct SpacePointOnLine {
   Vector3d image, point, direction;
 };
-int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<Transform, 8>& solutions);
+//
+// Noise leaves complex pairs; with kRealPart each gives the real part of its first vector.
+int paper_two_lines(const std::array<SpacePointOnLine, 4>& problem, std::array<Transform, 8>& solutions,
+                    NoRealRoot policy = NoRealRoot::kNothing);
 
 // 4point2D, paper section 6.2: (c1 c2 t 1) in a three-dimensional subspace (22), two quadrics (23), the 2 x 6
 // system (24)-(26) and a 4 x 4 action matrix.
-int paper_four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions);
+int paper_four_points(const std::array<PointOnLine, 4>& problem, std::array<Transform, 4>& solutions,
+                      NoRealRoot policy = NoRealRoot::kNothing);
 
 }  // namespace sonocal

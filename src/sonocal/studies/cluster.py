@@ -1,0 +1,123 @@
+"""Workers on Dask distributed: processes of this machine, or an existing cluster."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager
+from typing import Any
+
+from sonocal.errors import InputError, UnsupportedError
+from sonocal.studies.running import Workers, program_version
+
+__all__ = ["existing", "local"]
+
+CONNECT_SECONDS = 20
+# A task is done again when its worker dies; only one that has taken so many workers with it is given up.
+ALLOWED_DEATHS = 10
+
+
+@contextmanager
+def local(count: int) -> Iterator[Workers]:
+    """Worker processes on this machine, replaced when they die.
+
+    Raises:
+        UnsupportedError: Dask is not installed.
+    """
+    distributed = _distributed()
+    import dask
+
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": ALLOWED_DEATHS}),
+        distributed.LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            host="127.0.0.1",
+        ) as cluster,
+        distributed.Client(cluster) as client,
+        _ends_in_words("the local cluster"),
+    ):
+        yield _workers(client)
+
+
+@contextmanager
+def existing(address: str) -> Iterator[Workers]:
+    """The workers of a running scheduler; those that join later take part, too.
+
+    Args:
+        address: such as tcp://host:8786.
+
+    Raises:
+        UnsupportedError: Dask is not installed, or the workers have no sonocal or another version of it.
+        InputError: nobody answers, or there are no workers.
+    """
+    distributed = _distributed()
+    try:
+        client = distributed.Client(address, timeout=CONNECT_SECONDS)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(
+            f"{address}: no Dask scheduler answers there ({type(error).__name__}); start one with 'dask scheduler' and "
+            "workers with 'dask worker ADDRESS --nthreads 1', and give the address that it prints"
+        ) from None
+    with client, _ends_in_words(address):
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+        except TimeoutError:
+            raise InputError(
+                f"{address}: the scheduler has no workers; start some with 'dask worker {address} --nthreads 1'"
+            ) from None
+        _check_versions(client)
+        yield _workers(client)
+
+
+@contextmanager
+def _ends_in_words(where: str) -> Iterator[None]:
+    """A cluster that goes away is no bug of ours."""
+    from distributed import KilledWorker
+    from distributed.comm.core import CommClosedError
+
+    try:
+        yield
+    except (CommClosedError, CancelledError):
+        raise InputError(
+            f"{where}: the scheduler has gone; results so far are kept: start it again, and give the same command"
+        ) from None
+    except KilledWorker as error:
+        raise InputError(
+            f"{where}: one task has taken several workers with it, the last being {error.last_worker.address}; look at "
+            "that machine's memory and log; results so far are kept"
+        ) from None
+
+
+def _workers(client: Any) -> Workers:
+    executor: Executor = client.get_executor(pure=False)
+    return Workers(executor, lambda: max(1, sum(client.nthreads().values())))
+
+
+def _check_versions(client: Any) -> None:
+    try:
+        versions = set(client.run(program_version).values())
+    except (ImportError, AttributeError):
+        raise UnsupportedError(
+            "the cluster's workers cannot import sonocal; install the same version of it on all"
+        ) from None
+    if versions != {program_version()}:
+        raise UnsupportedError(
+            f"the cluster's workers run sonocal {', '.join(sorted(versions))} and this is {program_version()}; "
+            "install the same version on all"
+        )
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise UnsupportedError(
+            "worker processes need Dask, which is not installed; pip install 'sonocal[cluster]'"
+        ) from None
+    # A connection that closes while a cluster shuts down is no news.
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    return distributed

@@ -1,0 +1,46 @@
+"""What `sonocal study` shows: the answer first, then the medians behind it."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from sonocal.studies import Row, Study, answer_sentences
+from sonocal.studies.measures import QUANTITIES
+from sonocal.studies.summary import BOUND
+
+__all__ = ["print_study"]
+
+
+def print_study(study: Study, rows: list[Row]) -> None:
+    """Answers, and a table of each quantity of the figure."""
+    console = Console(highlight=False)
+    if study.question:
+        console.print(study.question, style="bold", soft_wrap=True)
+    for sentence in answer_sentences(study, rows):
+        console.print(sentence, soft_wrap=True)
+    statistic = study.figure.statistic if study.figure.form == "curves" else "median"
+    for quantity in study.figure.quantities:
+        console.print(_table(study, rows, quantity, statistic))
+
+
+def _table(study: Study, rows: list[Row], quantity: str, statistic: str) -> Table:
+    words = {"median": "median", "p95": "95 % are below", "rms": "rms"}[statistic]
+    table = Table(
+        title=f"{QUANTITIES[quantity]}, after refinement: {words}", title_justify="left", box=box.SIMPLE_HEAD
+    )
+    for name in study.factors:
+        table.add_column(name, justify="right")
+    methods = [*study.methods, BOUND]
+    chosen = [row for row in rows if row.quantity == quantity and row.stage == "after"]
+    there = [method for method in methods if any(row.method == method for row in chosen)]
+    for method in there:
+        table.add_column(method, justify="right")
+    by_cell: dict[tuple[float, ...], dict[str, Row]] = {}
+    for row in chosen:
+        by_cell.setdefault(tuple(row.levels.values()), {})[row.method] = row
+    for levels, own in by_cell.items():
+        numbers = [f"{getattr(own[method], statistic):.3g}" if method in own else "" for method in there]
+        table.add_row(*(f"{level:g}" for level in levels), *numbers)
+    return table
