@@ -142,9 +142,24 @@ class Maximiser {
     LikelihoodFit fit;
     fit.transform = start;
     if (move_a_ || move_b_) guess_levels(start);
+    if ((move_a_ || move_b_) && stride() > 1) {  // the levels of a part are those of the whole
+      alternate(start, stride(), fit);
+      move_a_ = move_b_ = fit.converged = false;
+    }
+    alternate(start, 1, fit);
+    const Normalisation& n = noise_.rows().normalisation();
+    fit.levels = {std::sqrt(a_) * n.image_size, std::sqrt(b_) * n.size};
+    fit.information = cost_at(fit.transform, 1).information(fit.transform, model_);
+    return fit;
+  }
+
+ private:
+  // Levels and transform in turn, on every n-th sighting, until both come to rest.
+  void alternate(const Transform& start, int step, LikelihoodFit& fit) {
     for (int round = 0; round < kMostRounds && !fit.converged; ++round) {
       const double moved_levels = move_a_ || move_b_ ? update_levels(fit.transform) : 0.0;
-      const Refinement refined = refine(cost_at(fit.transform), fit.transform, model_, kIterationsARound);
+      const Refinement refined =
+          refine(cost_at(fit.transform, step), fit.transform, model_, kIterationsARound);
       const double moved = (refined.transform.matrix() - fit.transform.matrix()).cwiseAbs().maxCoeff();
       if (ran_away(refined.transform, start)) {
         fit.transform = start;
@@ -153,13 +168,8 @@ class Maximiser {
       fit.transform = refined.transform;
       fit.converged = moved < kConvergedMove && moved_levels < kConvergedLevel;
     }
-    const Normalisation& n = noise_.rows().normalisation();
-    fit.levels = {std::sqrt(a_) * n.image_size, std::sqrt(b_) * n.size};
-    fit.information = cost_at(fit.transform).information(fit.transform, model_);
-    return fit;
   }
 
- private:
   // Both noises alike in size, and together as large as the residuals are.
   void guess_levels(const Transform& t) {
     double squares = 0, alpha = 0, beta = 0;
@@ -198,11 +208,11 @@ class Maximiser {
     return step.cwiseAbs().maxCoeff();
   }
 
-  NormalEquations cost_at(const Transform& t) const {
+  NormalEquations cost_at(const Transform& t, int step) const {
     NormalEquations equations(noise_.rows().dimension());
     Block block;
     const Matrix3d s = t.linear();
-    each(t, 1, [&](const std::vector<IndependentRow>& rows) {
+    each(t, step, [&](const std::vector<IndependentRow>& rows) {
       const double huber = huber_weight(rows, t, s, a_, b_);
       for (const auto& row : rows) {
         append(row, a_, b_, huber, block);
