@@ -7,6 +7,7 @@ origin at the centre of the first pixel, radians, quaternions ``(w, x, y, z)``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Any, Self
 
 import numpy as np
@@ -218,12 +219,39 @@ def _rotation_exp(rotvec: ArrayLike) -> Array:
     return np.asarray(Rotation.from_rotvec(np.asarray(rotvec, dtype=float)).as_matrix())
 
 
+def _is_sound(rotation: Array, translation: Array, scale: Array) -> bool:
+    """The check of one transform in plain numbers: on three of them NumPy takes longer than a whole fit."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    off = max(
+        abs(a * a + d * d + g * g - 1.0),
+        abs(b * b + e * e + h * h - 1.0),
+        abs(c * c + f * f + i * i - 1.0),
+        abs(a * b + d * e + g * h),
+        abs(b * c + e * f + h * i),
+        abs(c * a + f * d + i * g),
+    )
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return bool(
+        off <= ORTHOGONALITY_TOLERANCE
+        and determinant > 0
+        and isfinite(off + sum(translation.tolist()))
+        and 0 < float(scale) < inf
+    )
+
+
 def _check_parts(rotation: Array, translation: Array, scale: Array) -> None:
     if rotation.shape[-2:] != (3, 3) or translation.shape[-1:] != (3,):
         raise InputError(
             "a similarity needs a rotation (..., 3, 3) and a translation (..., 3); "
             f"got {rotation.shape} and {translation.shape}"
         )
+    if (
+        rotation.ndim == 2
+        and translation.ndim == 1
+        and scale.ndim == 0
+        and _is_sound(rotation, translation, scale)
+    ):
+        return
     if not (np.all(np.isfinite(translation)) and np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise InputError("a similarity needs a finite translation and a positive scale")
     deviation = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(initial=0.0)

@@ -39,7 +39,7 @@ _ROWS = ("points (..., N, 3)", "planes (..., N, 4), N >= 7")
 _SPACE = ("points (..., 4, 3)", "segments_mm (..., 4, 2, 3)")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)  # not frozen: that costs half a microsecond a call
 class Solutions:
     """The similarities that solve each problem of a batch.
 
