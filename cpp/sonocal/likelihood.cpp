@@ -22,6 +22,7 @@ constexpr double kRatioSpread = 2.0;
 // Sightings further off than this many standard deviations count less (Huber): 1 in 3000 of sound ones.
 constexpr double kHuber = 4.0;
 // The levels are two numbers: more sightings than this do not tell them better.
+constexpr double kRounding = 1e-24;  // variance, in coordinates of order one
 constexpr int kSightingsForLevels = 20000;
 
 // The eigenvectors (columns) and eigenvalues of a small symmetric matrix.
@@ -141,8 +142,10 @@ class Maximiser {
   LikelihoodFit run(const Transform& start) {
     LikelihoodFit fit;
     fit.transform = start;
-    if (move_a_ || move_b_) guess_levels(start);
-    if ((move_a_ || move_b_) && stride() > 1) {  // the levels of a part are those of the whole
+    // Nothing but rounding is left: there are no levels to find, and no better transform.
+    if ((move_a_ || move_b_) && guess_levels(start) < kRounding) fit.converged = true;
+    if ((move_a_ || move_b_) && stride() > 1 &&
+        !fit.converged) {  // the levels of a part are those of the whole
       alternate(start, stride(), fit);
       move_a_ = move_b_ = fit.converged = false;
     }
@@ -170,8 +173,8 @@ class Maximiser {
     }
   }
 
-  // Both noises alike in size, and together as large as the residuals are.
-  void guess_levels(const Transform& t) {
+  // Both noises alike in size, and together as large as the residuals are. Returns the residuals' variance.
+  double guess_levels(const Transform& t) {
     double squares = 0, alpha = 0, beta = 0;
     int count = 0;
     const Matrix3d s = t.linear();
@@ -188,6 +191,7 @@ class Maximiser {
     const double variance = std::max(squares / std::max(count - kParameters, 1), 1e-30) * count;
     if (move_a_) a_ = (move_b_ ? 0.5 : 1.0) * variance / alpha;
     if (move_b_) b_ = (move_a_ ? 0.5 : 1.0) * variance / beta;
+    return squares / std::max(count, 1);
   }
 
   double update_levels(const Transform& t) {

@@ -61,11 +61,13 @@ Fake with_outliers(int outliers) {
 }
 
 void all_combinations_once() {
+  ConsensusOptions options;
+  options.exhaustive_samples = 220;
   Fake fake = with_outliers(3);
   fake.count = 12;
   fake.size = 3;
   fake.all = true;
-  const auto best = find_consensus(fake, ConsensusOptions{});
+  const auto best = find_consensus(fake, options);
   check(fake.drawn == 0, "nothing is drawn where all combinations are tried");
   check(best.samples == 220 && fake.solved == 220, "12 choose 3 combinations are solved once each");
   check(best.model == kTruth, "the best of all combinations");

@@ -14,6 +14,7 @@ from sonocal.diagnostics import (
     Diagnostic,
     diagnose_anisotropy,
     diagnose_fit,
+    diagnose_image_plane,
     diagnose_noise,
     diagnose_weakness,
 )
@@ -22,6 +23,7 @@ from sonocal.geometry import Array, AxisScaled, homogeneous_points, segment_dire
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
+    near_degeneracy,
     refuse_degenerate_lines,
     refuse_free_motion,
 )
@@ -295,6 +297,7 @@ def calibrate(
     diagnostics = [
         *diagnose_fit(fit),
         *_diagnose_weakness(table, fit, noise, area, tolerance_mm),
+        *_diagnose_image_plane(table, fit),
         *diagnose_noise(noise, stretch),
         *_diagnose_anisotropy(table, fit, groupings),
     ]
@@ -400,8 +403,17 @@ def _diagnose_weakness(
         return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
     yield from diagnose_weakness(
-        motion, worst, tolerance_mm, segment_directions(table.segments_mm[fit.inlier])
+        motion,
+        worst,
+        tolerance_mm,
+        near_degeneracy(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension),
     )
+
+
+def _diagnose_image_plane(table: PointLineRows, fit: Fit) -> Iterator[Diagnostic]:
+    if table.dimension == 2:
+        directions = segment_directions(table.segments_mm[fit.inlier])
+        yield from diagnose_image_plane(fit.transform.rotation, directions)
 
 
 def _diagnose_anisotropy(

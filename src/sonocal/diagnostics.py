@@ -8,6 +8,7 @@ import numpy as np
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.registration.degeneracy import NearDegeneracy
 from sonocal.registration.fit import Fit
 from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
@@ -18,6 +19,7 @@ __all__ = [
     "describe_motion",
     "diagnose_anisotropy",
     "diagnose_fit",
+    "diagnose_image_plane",
     "diagnose_noise",
     "diagnose_weakness",
 ]
@@ -30,29 +32,50 @@ SIGNIFICANT = 3.0
 MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
+# A quarter of needles within 5 deg of the image is not chance: of random ones it is a twelfth.
+FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
 
 def diagnose_weakness(
-    motion: WeakMotion, worst_mm: float, tolerance_mm: float, directions: Array
+    motion: WeakMotion, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None
 ) -> Iterator[Diagnostic]:
     """The motion that the data hold least, when the predicted error exceeds what the user accepts."""
     if worst_mm <= tolerance_mm:
         return
-    angle = _cone_deg(directions)
-    if angle < 30:
-        cause = f"all needles lie within {angle:.0f} deg of one direction"
-        advice = "add sightings with the needle tilted by 30 deg or more, in two directions"
-    else:
-        cause = "the sightings hold it too loosely"
-        advice = "add sightings, above all near the image's corners and with other tilts"
+    near = near or NearDegeneracy(
+        "the sightings hold it too loosely",
+        "add sightings, above all near the image's corners and with other tilts",
+    )
     yield Diagnostic(
         code="weak-motion",
         severity="warning",
         message=(
             f"the predicted error reaches {worst_mm:.1f} mm (95 %) at an image corner, more than the "
-            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {cause}"
+            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {near.cause}"
         ),
-        advice=advice,
+        advice=near.advice,
+    )
+
+
+def diagnose_image_plane(rotation: Array, directions: Array) -> Iterator[Diagnostic]:
+    """Needles that lie in a 2D image, where it shows a line and no point of theirs is the one seen.
+
+    Args:
+        rotation: (3, 3), of the calibration.
+        directions: (N, 3), of the needles in the probe marker's frame.
+    """
+    angles = np.degrees(np.arcsin(np.clip(np.abs(directions @ rotation[:, 2]), 0.0, 1.0)))
+    flat = int(np.sum(angles < FLAT_DEG))
+    if flat <= FLAT_SHARE * len(directions):
+        return
+    yield Diagnostic(
+        code="needle-in-image-plane",
+        severity="warning",
+        message=(
+            f"{flat} of {len(directions)} needles lie within {FLAT_DEG:g} deg of the image plane, where the image "
+            "shows a line and not a point"
+        ),
+        advice="hold the needle at 30 deg or more to the image plane",
     )
 
 
@@ -169,9 +192,3 @@ def _axis(vector: Array) -> str:
     if abs(unit[strongest]) > 0.9:
         return names[strongest]
     return "the image axis (" + ", ".join(f"{x:.1f}" for x in unit) + ") in (u, v, normal)"
-
-
-def _cone_deg(directions: Array) -> float:
-    """Half the opening of the cone about the principal direction that holds 95 % of the lines, degrees."""
-    principal = np.linalg.eigh(directions.T @ directions)[1][:, -1]
-    return float(np.degrees(np.arccos(np.quantile(np.clip(np.abs(directions @ principal), 0, 1), 0.05))))

@@ -11,6 +11,7 @@ from tests.conftest import random_similarity
 
 seeds = st.integers(0, 5_000)
 TRUTH = random_similarity(11, scale=0.24)
+TRUTH_MARKER = random_similarity(5, scale=1.0)
 
 
 def scene(directions, points_px, marker):
@@ -169,3 +170,56 @@ def test_nearly_parallel_lines_are_answered_with_a_warning_in_proportion(tilt_de
     if warned:
         assert "all needles lie within" in warned[0].message
         assert warned[0].advice == "add sightings with the needle tilted by 30 deg or more, in two directions"
+
+
+def near(kind, distance, rng, count=30):
+    """Image points and directions (image axes) that a configuration of section 7 is left by so much."""
+    points = image_points(rng, count)
+    directions = rng.normal(size=(count, 3))
+    directions[:, 2] = np.abs(directions[:, 2]) + 0.3
+    if kind == "one direction":
+        directions = [0.2, 0.1, 1.0] + distance * rng.normal(size=(count, 3))
+    if kind == "one point":
+        directions = [250.0, 250.0, 400.0] + 500 * distance * rng.normal(size=(count, 3)) - points
+    if kind in ("one line", "one plane"):
+        points[:, 1] = 250 + 250 * distance * rng.uniform(-1, 1, count)
+    if kind == "one plane":
+        directions[:, 1] = distance * rng.normal(size=count)
+    return points, unit(directions)
+
+
+@pytest.mark.parametrize("kind", ["one direction", "one point", "one line", "one plane"])
+def test_near_degenerate_sightings_are_warned_of_with_their_distance(kind):
+    marker = random_similarity(5, scale=1.0)
+    predicted = []
+    for distance in (0.01, 0.02, 0.03, 0.5):
+        rng = np.random.default_rng(8)
+        points, directions = near(kind, distance, rng)
+        rows = scene(directions, points, marker)
+        noisy = sc.Observations(
+            rows.points_px + 0.3 * rng.normal(size=rows.points_px.shape),
+            rows.segments_mm + 0.3 * rng.normal(size=rows.segments_mm.shape),
+        )
+        found = sc.calibrate(noisy, image_size_px=(500, 500), tolerance_mm=1.2)
+        corners, _, radius = found.predicted_errors()
+        missed = np.linalg.norm(found.probe_from_image @ corners - marker @ (TRUTH @ corners), axis=1)
+        assert np.all(missed < 2 * radius)
+        predicted.append(radius.max())
+        warned = [d for d in found.warnings if d.code == "weak-motion"]
+        assert bool(warned) == (distance < 0.5)
+        if warned:
+            assert kind in warned[0].message
+            assert warned[0].advice.startswith("add sightings")
+    # The further away, the surer.
+    assert predicted == sorted(predicted, reverse=True)
+
+
+@pytest.mark.parametrize("tilt", [0.01, 0.05])
+def test_needles_in_the_image_plane_are_warned_of(tilt):
+    rng = np.random.default_rng(9)
+    points = image_points(rng, 30)
+    directions = rng.normal(size=(30, 3))
+    assert not sc.calibrate(scene(unit(directions), points, TRUTH_MARKER)).warnings
+    directions[:, 2] = tilt * rng.normal(size=30)
+    found = sc.calibrate(scene(unit(directions), points, TRUTH_MARKER))
+    assert [w.code for w in found.warnings] == ["needle-in-image-plane"]

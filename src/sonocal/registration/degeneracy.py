@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sonocal.errors import DegenerateGeometryError
 from sonocal.geometry import Array, segment_directions
 
-__all__ = ["direction_spread", "refuse_degenerate_lines", "refuse_free_motion"]
+__all__ = [
+    "NearDegeneracy",
+    "direction_spread",
+    "near_degeneracy",
+    "refuse_degenerate_lines",
+    "refuse_free_motion",
+]
 
 # Angles (rad) and lengths (relative to the scene) below which lines count as exactly parallel, meeting or
 # coplanar: at 100 mm they amount to 0.01 mm, which no tracker sees. Less exact cases are for the covariance.
@@ -15,6 +23,9 @@ EXACT_ANGLE = 1e-4
 EXACT_LENGTH = 1e-5
 # Least eigenvalue of J'J a row, in coordinates of order one, below which a motion is free.
 FREE_INFORMATION = 1e-12
+# Angle, and rms length relative to the scene, below which weakness is laid to a configuration.
+NEAR_CONE_DEG = 30.0
+NEAR = 0.15
 # Below this the configuration may be one of those above: their information is the square of their angle or length.
 SUSPICIOUS_INFORMATION = 1e-5
 
@@ -66,6 +77,70 @@ def refuse_free_motion(least_information: float) -> None:
             "scan the needle tilted by 30 degrees or more, and at places all over the image",
             code="free-motion",
         )
+
+
+@dataclass(frozen=True)
+class NearDegeneracy:
+    """Which of section 7's configurations the sightings are near to.
+
+    Attributes:
+        cause: in words, with the distance from it.
+        advice: what to scan next.
+    """
+
+    cause: str
+    advice: str
+
+
+def near_degeneracy(points: Array, segments_mm: Array, dimension: int) -> NearDegeneracy | None:
+    """The configuration that the sightings are nearest to, or None where they are far from all.
+
+    Args:
+        points: (N, 3), px.
+        segments_mm: (N, 2, 3).
+        dimension: 2 or 3, the probe's.
+
+    Source: paper section 7.
+    """
+    directions = segment_directions(segments_mm)
+    cone = _cone_deg(directions)
+    size, _, thickness = _spread(segments_mm.reshape(-1, 3))
+    along, across, _ = _spread(points)
+    meeting = _nearest_point(directions, segments_mm[:, 0])[1] if cone > 0 else size
+    found = [
+        (
+            cone / NEAR_CONE_DEG,
+            f"all needles lie within {cone:.0f} deg of one direction",
+            "add sightings with the needle tilted by 30 deg or more, in two directions",
+        ),
+        (
+            meeting / (NEAR * size),
+            f"all needles pass within {meeting:.2g} mm (rms) of one point",
+            "add sightings with the needle moved sideways as well as turned",
+        ),
+    ]
+    if dimension == 2:
+        flat = thickness < NEAR * size
+        found += [
+            (
+                thickness / (NEAR * size),
+                f"all needles lie within {thickness:.2g} mm (rms) of one plane",
+                "add sightings with the needle tilted and moved out of that plane",
+            ),
+            (
+                np.inf if flat else across / (NEAR * along),  # a plane's needles meet the image in a line
+                f"all image points lie within {across:.2g} px (rms) of one line",
+                "add sightings all over the image, with tilts in two directions",
+            ),
+        ]
+    nearness, cause, advice = min(found)
+    return NearDegeneracy(cause, advice) if nearness < 1 else None
+
+
+def _cone_deg(directions: Array) -> float:
+    """Half the opening of the cone about the principal direction that holds 95 % of the lines, degrees."""
+    principal = np.linalg.eigh(directions.T @ directions)[1][:, -1]
+    return float(np.degrees(np.arccos(np.quantile(np.clip(np.abs(directions @ principal), 0, 1), 0.05))))
 
 
 def direction_spread(directions: Array) -> float:
