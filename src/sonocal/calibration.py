@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +31,9 @@ from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS, fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
+
+if TYPE_CHECKING:
+    from sonocal.report import FrameImage
 
 __all__ = ["Calibration", "ErrorStatistics", "calibrate"]
 
@@ -197,6 +200,12 @@ class Calibration:
         from sonocal.report import views3d
 
         views3d.plot_weak_motion(axis, self)
+
+    def plot_frame(self, axis: Any, frame: FrameImage) -> None:
+        """An image with its detections, and the tracked needle carried into it."""
+        from sonocal.report import pictures
+
+        pictures.plot_frame(axis, self, frame)
 
     def save(self, path: str | Path) -> None:
         """Write the calibration as JSON, whole or not at all.

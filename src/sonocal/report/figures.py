@@ -49,7 +49,7 @@ def plot_predicted_error(
     places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     if calibration.dimension == 3:
         places = np.column_stack([places, np.full(len(places), (low[2] + high[2]) / 2)])
-    below = radius_95(calibration.predict(places)[1]).reshape(GRID, GRID)
+    below = radius_95(calibration.predict(places)[1], calibration.noise.freedom).reshape(GRID, GRID)
     filled = axis.contourf(u, v, below, levels=10, cmap=ERROR_MAP)
     axis.figure.colorbar(filled, ax=axis, label="95 % of errors are below, mm", **BAR)
     if observations is not None:

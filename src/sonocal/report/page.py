@@ -18,7 +18,7 @@ from sonocal.observations import Observations
 from sonocal.registration.uncertainty import weakest_motion
 from sonocal.report import figures, views3d
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
-from sonocal.report.style import RC
+from sonocal.report.style import DETECTED, RC, TRACKED
 from sonocal.report.verdict import give_verdict
 from sonocal.validation import Comparison, Validation
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
@@ -73,6 +73,8 @@ def report_html(
         matrix=calibration.probe_from_image.matrix,
         words=_matrix_in_words(calibration),
         weak=_weak_in_words(calibration),
+        detected_colour=DETECTED,
+        tracked_colour=TRACKED,
         provenance=_provenance(calibration, validation),
         made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
     )
