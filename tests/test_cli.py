@@ -159,7 +159,10 @@ def test_demo_writes_and_names_the_report_and_opens_it_only_for_somebody(tmp_pat
     assert opened == [str(report)]
     without = run("demo", "-o", tmp_path / "without", "--no-report")
     assert without.exit_code == 0
-    assert sorted(path.name for path in (tmp_path / "without").iterdir()) == ["calibration.json", "observations.csv"]
+    assert sorted(path.name for path in (tmp_path / "without").iterdir()) == [
+        "calibration.json",
+        "observations.csv",
+    ]
     assert len(opened) == 1
 
 

@@ -121,7 +121,16 @@ def test_the_report_of_volumes_shows_the_needle_through_them(tmp_path):
     rows = [f"{i},{u!r},{v!r},{w!r}" for i in frames for u, v, w in sweep.truth.points_px[i].tolist()]
     (tmp_path / "points.csv").write_text("\n".join(["frame,u_px,v_px,w_px", *rows]) + "\n")
     done = run(
-        *("calibrate", paths[0], "--lines", paths[1], "--points", tmp_path / "points.csv", "-o", tmp_path / "out")
+        *(
+            "calibrate",
+            paths[0],
+            "--lines",
+            paths[1],
+            "--points",
+            tmp_path / "points.csv",
+            "-o",
+            tmp_path / "out",
+        )
     )
     assert done.exit_code == 0, done.output
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

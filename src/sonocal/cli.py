@@ -71,7 +71,9 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
 
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
     table = observations_csv(simulated.observations)
-    rows = parse_observations(table, "observations.csv")  # as validation will read it: with its name and digest
+    rows = parse_observations(
+        table, "observations.csv"
+    )  # as validation will read it: with its name and digest
     calibration = checked(sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension)), rows)
     files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
     files |= report_files(calibration, rows) if report else {}
@@ -89,7 +91,9 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
 
 def _somebody_looks() -> bool:
     """Whether there is a person at a terminal and a screen for a browser to open on."""
-    screen = sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    screen = (
+        sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
     return sys.stdout.isatty() and bool(screen)
 
 

@@ -49,7 +49,9 @@ def test_held_out_rows_have_a_say_in_the_report_of_calibrate(folder):
     rows = sc.read_observations(folder / "needle.csv")
     moved = rows.segments_mm + np.where(rows.split == "test", 4.0, 0.0)[:, None, None]
     sc.write_observations(dataclasses.replace(rows, segments_mm=moved), folder / "moved.csv")
-    done = run("calibrate", folder / "moved.csv", "-o", folder / "out", "--fit-split", "fit", "--test-split", "test")
+    done = run(
+        "calibrate", folder / "moved.csv", "-o", folder / "out", "--fit-split", "fit", "--test-split", "test"
+    )
     assert done.exit_code == 0, done.output
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert "<strong>Use it with care</strong>" in page

@@ -141,7 +141,8 @@ def plot_residuals_by_frame(
         ylim=(0, top),
     )
     axis.grid(axis="y")
-    axis.legend(loc="upper right", ncols=3)
+    # Above the axis: outliers stand at its upper edge.
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=3)
     axis.set_title(f"Residuals by frame (fitted: {calibration.fit.rms_mm:.2f} mm rms, dashed)")
 
 

@@ -108,7 +108,7 @@ def _drawn(calibration: Calibration, observations: Observations | None) -> dict[
             "needles", (4.6, 4.2), lambda a: views3d.plot_needles(a, calibration, rows), "3d"
         )
         drawn["tilts"] = _svg(
-            "tilts", (4.0, 4.0), lambda a: figures.plot_tilts(a, calibration, rows), "polar"
+            "tilts", (4.6, 4.2), lambda a: figures.plot_tilts(a, calibration, rows), "polar"
         )
     return drawn
 
@@ -123,9 +123,11 @@ def _svg(
     # Fixed margins: the automatic layout draws everything twice.
     width, height = size
     left, bottom = (0.08 * width, 0.08 * height) if projection else (0.6, 0.45)
+    # The names of a polar axis's directions stand between it and its title.
+    top = 0.7 if projection == "polar" else 0.35
     figure = Figure(figsize=size)
     FigureCanvasSVG(figure)
-    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + 0.35) / height)
+    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + top) / height)
     draw(figure.add_axes(box, projection=projection))
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)

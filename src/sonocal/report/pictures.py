@@ -59,7 +59,9 @@ def needle_in_volume(calibration: Calibration, segments_mm: Array) -> Array:
     Source: Liang and Barsky 1984.
     """
     transform = calibration.probe_from_image
-    start, end = np.moveaxis((segments_mm - transform.translation) @ transform.rotation / transform.scales, 1, 0)
+    start, end = np.moveaxis(
+        (segments_mm - transform.translation) @ transform.rotation / transform.scales, 1, 0
+    )
     along = end - start
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = (calibration.area_px[:, None] - start) / along  # (2, M, 3), of each face
@@ -75,7 +77,8 @@ def picture_svg(calibration: Calibration, frame: FrameImage) -> str:
     step = max(1, -(-width // WIDEST_PX))
     size = 0.02 * width
     marks = [
-        f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{size:.1f}" class="found"/>' for u, v in frame.detected_px[:, :2]
+        f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{size:.1f}" class="found"/>'
+        for u, v in frame.detected_px[:, :2]
     ]
     for path in _tracked(calibration, frame):
         if len(path) == 1:
@@ -99,7 +102,9 @@ def plot_frame(axis: Axes, calibration: Calibration, frame: FrameImage) -> None:
     """
     height, width = frame.image.shape
     axis.imshow(frame.image, cmap="gray", vmin=0, vmax=255)
-    axis.plot(*frame.detected_px[:, :2].T, "o", markersize=8, fillstyle="none", color=DETECTED, label="detected")
+    axis.plot(
+        *frame.detected_px[:, :2].T, "o", markersize=8, fillstyle="none", color=DETECTED, label="detected"
+    )
     for i, path in enumerate(_tracked(calibration, frame)):
         mark = "+" if len(path) == 1 else "-"
         axis.plot(*path.T, mark, markersize=8, color=TRACKED, label=None if i else "tracked")
