@@ -131,7 +131,8 @@ def stated(scene: SimulatedSightings) -> dict[str, float | np.ndarray]:
 def stated_table(runs: int) -> str:
     """Truths inside the 95 % region, predicted over actual rms, and answers five times worse than they say."""
     out = [
-        "| probe, needles | inside the 95 % region | predicted / actual rms, corners and centre | off by > 5 x predicted |",
+        "| probe, needles | inside the 95 % region | predicted / actual rms, corners and centre | "
+        "off by > 5 x predicted |",
         "|---|---|---|---|",
     ]
     for dimension in (2, 3):
