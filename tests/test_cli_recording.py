@@ -115,7 +115,7 @@ def test_the_report_of_a_recording_shows_its_frames(swept, tmp_path):
 
 
 def test_the_report_of_volumes_shows_the_needle_through_them(tmp_path):
-    sweep = simulate_sweep(curvilinear_3d(48, 2.4), options=SweepOptions(frames=40, rate_hz=8, seed=2))
+    sweep = simulate_sweep(curvilinear_3d(48, 2.4), options=SweepOptions(frames=20, rate_hz=8, seed=2))
     paths = write_sweep(sweep, tmp_path)
     frames = np.flatnonzero(sweep.truth.visible)
     rows = [f"{i},{u!r},{v!r},{w!r}" for i in frames for u, v, w in sweep.truth.points_px[i].tolist()]
