@@ -146,6 +146,33 @@ def test_demo_shows_the_error_against_the_truth(tmp_path, dimension):
     )
 
 
+def test_demo_writes_and_names_the_report_and_opens_it_only_for_somebody(tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr("click.launch", opened.append)
+    report = tmp_path / "demo" / "report.html"
+    shown = run("demo", "-o", tmp_path / "demo")
+    assert f"Report: {report.as_uri()}\n" in shown.output
+    assert "Use it" in report.read_text(encoding="utf-8")
+    assert opened == []
+    monkeypatch.setattr("sonocal.cli._somebody_looks", lambda: True)
+    run("demo", "-o", tmp_path / "demo")
+    assert opened == [str(report)]
+    without = run("demo", "-o", tmp_path / "without", "--no-report")
+    assert without.exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "without").iterdir()) == [
+        "calibration.json",
+        "observations.csv",
+    ]
+    assert len(opened) == 1
+
+
+def test_the_table_of_the_demo_is_known_as_the_calibrations_own(tmp_path):
+    run("demo", "-o", tmp_path, "--no-report")
+    shown = run("validate", tmp_path / "calibration.json", tmp_path / "observations.csv", "--no-report")
+    assert "Leave one frame out" in shown.output
+    assert "Held-out rows" not in shown.output
+
+
 def test_a_known_failure_is_one_sentence_exit_1_and_writes_nothing(tmp_path):
     (tmp_path / "bad.csv").write_text("frame,target\n0,a\n")
     result = run("calibrate", tmp_path / "bad.csv", "-o", tmp_path / "out")

@@ -13,7 +13,7 @@ from sonocal.recording import ArrayFrames, ImageGeometry, Poses, Recording, read
 from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH
-from sonocal.simulation.ultrasound_probe import curvilinear
+from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 from tests.readers import POINT
 from tests.recording.makers import random_poses, random_recording
 from tests.recording.test_device_set import PHANTOM
@@ -104,6 +104,39 @@ def test_the_table_beside_a_calibration_is_its_own_input(swept, tmp_path):
     assert (found.provenance["input"], found.provenance["sha256"]) == ("observations.csv", rows.sha256)
     again = sc.calibrate(rows, image_size_px=(250, 250))
     np.testing.assert_allclose(again.probe_from_image.matrix, found.probe_from_image.matrix, atol=1e-6)
+
+
+def test_the_report_of_a_recording_shows_its_frames(swept, tmp_path):
+    _, paths = swept
+    done = run("calibrate", paths[0], "--lines", paths[1], "-o", tmp_path)
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count('class="picture"') == page.count('class="found"') == page.count('class="tracked"') == 12
+
+
+def test_the_report_of_volumes_shows_the_needle_through_them(tmp_path):
+    sweep = simulate_sweep(curvilinear_3d(48, 2.4), options=SweepOptions(frames=20, rate_hz=8, seed=2))
+    paths = write_sweep(sweep, tmp_path)
+    frames = np.flatnonzero(sweep.truth.visible)
+    rows = [f"{i},{u!r},{v!r},{w!r}" for i in frames for u, v, w in sweep.truth.points_px[i].tolist()]
+    (tmp_path / "points.csv").write_text("\n".join(["frame,u_px,v_px,w_px", *rows]) + "\n")
+    done = run(
+        *(
+            "calibrate",
+            paths[0],
+            "--lines",
+            paths[1],
+            "--points",
+            tmp_path / "points.csv",
+            "-o",
+            tmp_path / "out",
+        )
+    )
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.count('class="picture"') == page.count('class="tracked"') == 12
+    assert page.count('class="found"') == 24
+    assert "carried into the volume" in page
 
 
 def test_given_points_are_taken_instead_of_detection(swept, tmp_path):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +16,13 @@ from sonocal.diagnostics import (
     diagnose_fit,
     diagnose_image_plane,
     diagnose_noise,
+    diagnose_rival,
     diagnose_weakness,
 )
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points, segment_directions
 from sonocal.observations import Observations, group_codes
+from sonocal.registration.ambiguity import better_of_mirrored, rival_of
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
     near_degeneracy,
@@ -33,6 +35,9 @@ from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS, fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
+
+if TYPE_CHECKING:
+    from sonocal.report import FrameImage
 
 __all__ = ["Calibration", "ErrorStatistics", "calibrate"]
 
@@ -200,6 +205,12 @@ class Calibration:
 
         views3d.plot_weak_motion(axis, self)
 
+    def plot_frame(self, axis: Any, frame: FrameImage) -> None:
+        """An image with its detections, and the tracked needle carried into it."""
+        from sonocal.report import pictures
+
+        pictures.plot_frame(axis, self, frame)
+
     def save(self, path: str | Path) -> None:
         """Write the calibration as JSON, whole or not at all.
 
@@ -284,6 +295,7 @@ def calibrate(
         max_samples=max_samples,
         seed=seed,
     )
+    fit, mirrored = better_of_mirrored(table, fit)
     if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension)
     refuse_free_motion(fit.least_information)
@@ -294,8 +306,12 @@ def calibrate(
     }
     groupings, stretch = _groupings(table, rows.split, fit)
     noise = estimate_noise(table, fit, groupings, **known)
+    rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
+    if rival is not None:
+        noise = replace(noise, covariance=noise.covariance + rival.covariance)
     diagnostics = [
         *diagnose_fit(fit),
+        *diagnose_rival(rival),
         *_diagnose_weakness(table, fit, noise, area, tolerance_mm),
         *_diagnose_image_plane(table, fit),
         *diagnose_noise(noise, stretch),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from sonocal.cli_calibrate import calibrate
 from sonocal.cli_detection import COMMANDS
 from sonocal.cli_export import export
 from sonocal.cli_info import info
-from sonocal.cli_options import console, output_folder, seed
+from sonocal.cli_options import NO_REPORT, console, output_folder, seed
 from sonocal.cli_study import study
 from sonocal.cli_tool import tool
 from sonocal.cli_validation import validate
@@ -41,7 +43,7 @@ def main() -> None:
 
 
 @main.command()
-@output_folder("sonocal-demo", "observations.csv and calibration.json")
+@output_folder("sonocal-demo", "observations.csv, calibration.json and report.html")
 @click.option(
     "--dimension", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Of the probe."
 )
@@ -54,30 +56,46 @@ def main() -> None:
     help="Share of the sightings that are gross nonsense.",
 )
 @seed("everything random")
-def demo(output: Path, dimension: str, needles: int, outliers: float, seed: int) -> None:
-    """Simulate a sweep with known truth, calibrate it, and show the error.
+@NO_REPORT
+def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: int, report: bool) -> None:
+    """Simulate a sweep with known truth, calibrate it, show the error and open the report.
 
     The needle is 400 mm long, the image 500 px of 0.24 mm, the noise 1 px in the image and 1 mm at the needle's ends.
     """
     import sonocal
     from sonocal.calibration_file import calibration_json
+    from sonocal.cli_validation import checked, report_files
     from sonocal.files import write_into_folder
-    from sonocal.observations import observations_csv
+    from sonocal.observations import observations_csv, parse_observations
     from sonocal.simulation.scene import IMAGE_PX, simulate_observations
     from sonocal.terminal import print_calibration, print_truth
 
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
-    calibration = sonocal.calibrate(simulated.observations, image_size_px=(IMAGE_PX,) * int(dimension))
-    files = {
-        "observations.csv": observations_csv(simulated.observations),
-        "calibration.json": calibration_json(calibration),
-    }
+    table = observations_csv(simulated.observations)
+    rows = parse_observations(
+        table, "observations.csv"
+    )  # as validation will read it: with its name and digest
+    calibration = checked(sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension)), rows)
+    files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
+    files |= report_files(calibration, rows) if report else {}
     write_into_folder(output, files)
     screen = console()
     print_calibration(screen, calibration)
     print_truth(screen, calibration, simulated)
-    screen.print(f"Wrote {' and '.join(str(output / name) for name in files)}", soft_wrap=True)
+    screen.print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
+    if "report.html" in files:
+        screen.print(f"Report: {(output / 'report.html').resolve().as_uri()}", soft_wrap=True)
     screen.print(f"Next: sonocal calibrate {output / 'observations.csv'}", soft_wrap=True)
+    if "report.html" in files and _somebody_looks():
+        click.launch(str(output / "report.html"))
+
+
+def _somebody_looks() -> bool:
+    """Whether there is a person at a terminal and a screen for a browser to open on."""
+    screen = (
+        sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
+    return sys.stdout.isatty() and bool(screen)
 
 
 for _command in (calibrate, *COMMANDS, tool, validate, study, export, info):

@@ -183,13 +183,15 @@ def pictures(result: Result) -> list[FrameImage]:
     from sonocal.report import FrameImage
 
     recording, rows = result.recording, result.rows
-    if recording is None or recording.image is None or recording.image.dimension != 2:
+    if recording is None or recording.image is None:
         return []
+    dimension = recording.image.dimension
     frames = np.unique(rows.frame)
     shown = []
     for frame in frames[np.unique(np.linspace(0, len(frames) - 1, MOST_PICTURES).astype(int))].tolist():
         here = rows.select(rows.frame == frame)
-        grey = as_grey(recording.frames[frame], 2, f"{recording.name}, frame {frame}")
-        image = grey.clip(0, 255).astype(np.uint8)
+        grey = as_grey(recording.frames[frame], dimension, f"{recording.name}, frame {frame}")
+        flat = grey if dimension == 2 else grey.max(axis=0)
+        image = flat.clip(0, 255).astype(np.uint8)
         shown.append(FrameImage(image, here.points_px, here.segments_mm, f"frame {frame}"))
     return shown

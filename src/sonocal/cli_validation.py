@@ -123,9 +123,15 @@ def report_files(
     comparison: Comparison | None = None,
     frames: Sequence[FrameImage] = (),
 ) -> dict[str, bytes]:
-    """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed."""
-    from sonocal.report import report_html
+    """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed.
 
+    Without numbers, the error of held-out rows, which the verdict weighs, is found here.
+    """
+    from sonocal.report import report_html
+    from sonocal.validation import validate
+
+    if numbers is None and rows is not None:
+        numbers = validate(calibration, rows, resample=False)
     try:
         return {"report.html": report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
     except UnsupportedError as error:

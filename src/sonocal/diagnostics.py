@@ -8,6 +8,7 @@ import numpy as np
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.registration.ambiguity import Rival
 from sonocal.registration.degeneracy import NearDegeneracy
 from sonocal.registration.fit import Fit
 from sonocal.registration.noise import Noise
@@ -21,6 +22,7 @@ __all__ = [
     "diagnose_fit",
     "diagnose_image_plane",
     "diagnose_noise",
+    "diagnose_rival",
     "diagnose_weakness",
 ]
 
@@ -54,6 +56,22 @@ def diagnose_weakness(
             f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {near.cause}"
         ),
         advice=near.advice,
+    )
+
+
+def diagnose_rival(rival: Rival | None) -> Iterator[Diagnostic]:
+    """A second answer that the data do not exclude."""
+    if rival is None:
+        return
+    yield Diagnostic(
+        code="two-answers",
+        severity="warning",
+        message=(
+            f"a second answer fits the same rows with {rival.rms_mm:.3g} mm rms against {rival.own_rms_mm:.3g} and is "
+            f"up to {rival.apart_mm:.1f} mm away in the image: the needles are too nearly parallel to tell an image "
+            "from its mirror"
+        ),
+        advice="add sightings with the needle tilted by 30 deg or more, in two directions",
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 import sonocal as sc
 from sonocal.diagnostics import Diagnostic
 from sonocal.report import FrameImage, give_verdict, report_html
-from sonocal.report.pictures import MOST_PICTURES, needle_in_image
+from sonocal.report.pictures import MOST_PICTURES, needle_in_image, needle_in_volume, picture_svg
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import compare, validate
 
@@ -207,6 +207,7 @@ def test_figures_draw_on_a_given_axis_and_leave_the_global_state_alone(scan):
     for place, plot in enumerate((found.plot_frames, found.plot_weak_motion), start=5):
         plot(figure.add_subplot(3, 3, place, projection="3d"))
     found.plot_needles(figure.add_subplot(337, projection="3d"), rows)
+    found.plot_frame(figure.add_subplot(338), frames_of(rows, 1)[0])
     assert all(
         axis.get_title(loc="left") or axis.get_title()
         for axis in figure.axes
@@ -247,6 +248,37 @@ def test_the_needle_is_drawn_where_it_crosses_the_image():
     above_the_image = (found.probe_from_image @ np.array([[0.0, 0, 20], [100, 0, 20]]))[None]
     met = needle_in_image(found, above_the_image)
     assert np.isnan(met).all() or np.abs(met).max() > 1e6
+
+
+def test_the_needle_in_a_volume_passes_through_its_points_and_ends_at_the_walls():
+    scene = simulate_observations(3, 20, sigma_px=0, sigma_mm=0, seed=2)
+    rows = scene.observations
+    found = sc.calibrate(rows, image_size_px=(500, 500, 500))
+    start, end = np.moveaxis(needle_in_volume(found, rows.segments_mm), 1, 0)
+    along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
+    away = rows.points_px - start
+    np.testing.assert_allclose(away - np.sum(away * along, axis=1, keepdims=True) * along, 0, atol=1e-5)
+    ends = np.stack([start, end])
+    assert np.all((ends > -1e-6) & (ends < 499 + 1e-6))
+    # The needle of 400 mm is longer than the volume's sides of 120 mm: one end or both are at a wall.
+    at_wall = np.any(np.isclose(ends, 0, atol=1e-6) | np.isclose(ends, 499, atol=1e-6), axis=2)
+    assert np.all(at_wall.any(axis=0))
+    beside = rows.segments_mm + 1000.0 * found.probe_from_image.rotation[:, 0]
+    assert np.isnan(needle_in_volume(found, beside)).all()
+
+
+def test_pictures_of_volumes_show_each_needle_once_as_a_line():
+    scene = simulate_observations(3, 20, seed=2)
+    found = sc.calibrate(scene.observations, image_size_px=(500, 500, 500))
+    here = scene.observations.select(scene.observations.frame == 3)
+    frame = FrameImage(np.zeros((500, 500), dtype=np.uint8), here.points_px, here.segments_mm, "frame 3")
+    drawn = picture_svg(found, frame)
+    assert drawn.count("<circle") == len(here) == 2
+    (path,) = re.findall(r'<path d="M([^"]*)"', drawn)
+    first, last = (np.array(place.split(), dtype=float) for place in path.split("L"))
+    direction = (last - first) / np.linalg.norm(last - first)
+    away = here.points_px[:, :2] - first
+    assert np.abs(away @ [-direction[1], direction[0]]).max() < 10  # px, with the noise of the sighting
 
 
 def test_a_missing_library_is_said_with_the_remedy(scan, monkeypatch):

@@ -45,6 +45,27 @@ def test_calibrate_writes_the_report_beside_the_calibration(folder):
     assert (folder / "out" / "report.html").read_text().startswith("<!doctype html>")
 
 
+def test_held_out_rows_have_a_say_in_the_report_of_calibrate(folder):
+    rows = sc.read_observations(folder / "needle.csv")
+    moved = rows.segments_mm + np.where(rows.split == "test", 4.0, 0.0)[:, None, None]
+    sc.write_observations(dataclasses.replace(rows, segments_mm=moved), folder / "moved.csv")
+    done = run(
+        "calibrate", folder / "moved.csv", "-o", folder / "out", "--fit-split", "fit", "--test-split", "test"
+    )
+    assert done.exit_code == 0, done.output
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<strong>Use it with care</strong>" in page
+    assert "Held-out rows are off by" in page
+
+
+def test_validate_without_a_report_writes_nothing(folder):
+    before = sorted(folder.iterdir())
+    done = run("validate", folder / "calibration.json", folder / "needle.csv", "--no-report")
+    assert done.exit_code == 0, done.output
+    assert sorted(folder.iterdir()) == before
+    assert "Wrote" not in done.output
+
+
 def test_validate_prints_the_verdict_and_numbers_and_writes_the_report(folder):
     result = run("validate", folder / "calibration.json", folder / "needle.csv")
     assert result.exit_code == 0, result.output

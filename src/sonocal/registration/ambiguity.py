@@ -2,17 +2,106 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from sonocal.geometry import Array, AxisScaled, Similarity, segment_directions
 from sonocal.registration.fit import Fit, Model
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.uncertainty import point_jacobian
 
-__all__ = ["mirrored_answer"]
+__all__ = ["Rival", "better_of_mirrored", "mirrored_answer", "rival_of"]
 
 # Lines further apart than this tell an image from its mirror in any noise worth calibrating with.
 WIDEST_CONE_DEG = 40.0
+
+
+# A rival less likely than this is none.
+LEAST_PROBABILITY = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A second answer that the residuals do not exclude.
+
+    Attributes:
+        probability: of being the right one of the two.
+        rms_mm, own_rms_mm: residuals of the same rows, its own and the answer's.
+        apart_mm: how far the two are apart at most, in the image.
+        covariance: (k, k), what it adds to the tangent's covariance: probability times the outer product of
+            the way from the answer to it.
+    """
+
+    probability: float
+    rms_mm: float
+    own_rms_mm: float
+    apart_mm: float
+    covariance: Array
+
+
+def better_of_mirrored(rows: PointLineRows, fit: Fit) -> tuple[Fit, Fit | None]:
+    """The fit and its mirrored answer, the better first; None where there is no other."""
+    other = mirrored_answer(rows, fit)
+    if other is None or not _squares(other, fit) < _squares(fit, fit):
+        return fit, other
+    other = replace(
+        other,
+        inlier=other.residuals_mm <= fit.threshold_mm,
+        threshold_mm=fit.threshold_mm,
+        samples=fit.samples,
+    )
+    again = refine_point_lines(
+        other.transform,
+        rows,
+        other.inlier,
+        model=fit.model,
+        weighting=fit.weighting,
+    )
+    better = replace(again, inlier=other.inlier, threshold_mm=fit.threshold_mm, samples=fit.samples)
+    return better, fit
+
+
+def rival_of(fit: Fit, other: Fit, covariance: Array, places: Array) -> Rival | None:
+    """The other answer as a rival, unless the residuals exclude it.
+
+    Args:
+        fit: the answer.
+        other: the mirrored answer.
+        covariance: (k, k), of the answer's tangent: errors that rows share make differences of the residuals
+            count for less.
+        places: (M, 2), px, where the two are compared.
+    """
+    count = 2 * int(fit.inlier.sum())
+    variance = _squares(fit, fit) / max(count - len(covariance), 1)
+    if not (variance > 0 and np.all(np.isfinite(covariance))):
+        return None
+    # What rows share makes their residuals' differences count for less, as it does for the covariance.
+    independent = fit.covariance if fit.weighting == "likelihood" else variance * fit.covariance
+    shared = max(float(np.median(np.diag(covariance) / np.diag(independent))), 1.0)
+    worse = (_squares(other, fit) - _squares(fit, fit)) / (variance * shared)
+    probability = float(1.0 / (1.0 + np.exp(min(0.5 * max(worse, 0.0), 700.0))))
+    if probability < LEAST_PROBABILITY:
+        return None
+    away = other.transform.apply(_lifted(places)) - fit.transform.apply(_lifted(places))
+    jacobian = point_jacobian(fit.transform, places, len(covariance)).reshape(-1, len(covariance))
+    way = np.linalg.lstsq(jacobian, away.reshape(-1), rcond=None)[0]
+    return Rival(
+        probability=probability,
+        rms_mm=float(np.sqrt(2.0 * _squares(other, fit) / count)),
+        own_rms_mm=float(np.sqrt(2.0 * _squares(fit, fit) / count)),
+        apart_mm=float(np.linalg.norm(away, axis=1).max()),
+        covariance=probability * np.outer(way, way),
+    )
+
+
+def _squares(of: Fit, rows_of: Fit) -> float:
+    return float(np.sum(of.residuals_mm[rows_of.inlier] ** 2))
+
+
+def _lifted(places: Array) -> Array:
+    return np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))])
 
 
 def mirrored_answer(rows: PointLineRows, fit: Fit) -> Fit | None:

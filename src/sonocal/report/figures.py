@@ -49,7 +49,7 @@ def plot_predicted_error(
     places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     if calibration.dimension == 3:
         places = np.column_stack([places, np.full(len(places), (low[2] + high[2]) / 2)])
-    below = radius_95(calibration.predict(places)[1]).reshape(GRID, GRID)
+    below = radius_95(calibration.predict(places)[1], calibration.noise.freedom).reshape(GRID, GRID)
     filled = axis.contourf(u, v, below, levels=10, cmap=ERROR_MAP)
     axis.figure.colorbar(filled, ax=axis, label="95 % of errors are below, mm", **BAR)
     if observations is not None:
@@ -141,7 +141,8 @@ def plot_residuals_by_frame(
         ylim=(0, top),
     )
     axis.grid(axis="y")
-    axis.legend(loc="upper right", ncols=3)
+    # Above the axis: outliers stand at its upper edge.
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=3)
     axis.set_title(f"Residuals by frame (fitted: {calibration.fit.rms_mm:.2f} mm rms, dashed)")
 
 

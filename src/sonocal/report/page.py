@@ -18,7 +18,7 @@ from sonocal.observations import Observations
 from sonocal.registration.uncertainty import weakest_motion
 from sonocal.report import figures, views3d
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
-from sonocal.report.style import RC
+from sonocal.report.style import DETECTED, RC, TRACKED
 from sonocal.report.verdict import give_verdict
 from sonocal.validation import Comparison, Validation
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
@@ -73,6 +73,8 @@ def report_html(
         matrix=calibration.probe_from_image.matrix,
         words=_matrix_in_words(calibration),
         weak=_weak_in_words(calibration),
+        detected_colour=DETECTED,
+        tracked_colour=TRACKED,
         provenance=_provenance(calibration, validation),
         made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
     )
@@ -106,7 +108,7 @@ def _drawn(calibration: Calibration, observations: Observations | None) -> dict[
             "needles", (4.6, 4.2), lambda a: views3d.plot_needles(a, calibration, rows), "3d"
         )
         drawn["tilts"] = _svg(
-            "tilts", (4.0, 4.0), lambda a: figures.plot_tilts(a, calibration, rows), "polar"
+            "tilts", (4.6, 4.2), lambda a: figures.plot_tilts(a, calibration, rows), "polar"
         )
     return drawn
 
@@ -121,9 +123,11 @@ def _svg(
     # Fixed margins: the automatic layout draws everything twice.
     width, height = size
     left, bottom = (0.08 * width, 0.08 * height) if projection else (0.6, 0.45)
+    # The names of a polar axis's directions stand between it and its title.
+    top = 0.7 if projection == "polar" else 0.35
     figure = Figure(figsize=size)
     FigureCanvasSVG(figure)
-    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + 0.35) / height)
+    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + top) / height)
     draw(figure.add_axes(box, projection=projection))
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)

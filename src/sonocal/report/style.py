@@ -9,6 +9,8 @@ HELD_OUT = "#d9730d"
 OUTLIER = "#8a8f98"
 INK = "#20242b"
 FAINT = "#c9ced6"
+# On images, which are grey: as bright as can be.
+DETECTED, TRACKED = "#35e06f", "#ff4136"
 ERROR_MAP = "YlOrBr"
 # Before, in and behind the image plane: dark in the middle, so that no arrow fades into the page.
 ACROSS = (FITTED, "#50555d", HELD_OUT)

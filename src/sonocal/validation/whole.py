@@ -58,6 +58,7 @@ def validate(
     *,
     split: str | None = None,
     nwires: Sequence[tuple[str, str, str]] = (),
+    resample: bool = True,
     seed: int = 0,
 ) -> Validation:
     """All numbers that a table of sightings gives.
@@ -70,6 +71,7 @@ def validate(
         observations: its own input, or a table of other sightings.
         split: take only this split as held-out rows.
         nwires: the targets (left, middle, right) of each N of an N-wire phantom.
+        resample: leave-one-out errors and repeatability too, which take hundreds of fits.
         seed: of the resampling.
 
     Raises:
@@ -90,7 +92,7 @@ def validate(
             lambda: nwire_error(calibration.probe_from_image, unseen or fitted or observations, nwires),
         )
     spread = None
-    if fitted is not None:
+    if fitted is not None and resample:
         attempts.run("leave-one-frame-out error", lambda: leave_one_frame_out(calibration, fitted))
         if len(np.unique(fitted.target)) > 1:
             attempts.run("leave-one-target-out error", lambda: leave_one_target_out(calibration, fitted))
