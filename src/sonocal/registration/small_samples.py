@@ -8,8 +8,8 @@ from sonocal.geometry import Array
 
 __all__ = ["small_sample_covariance"]
 
-# Of a number anywhere between -1 and 1.
-UNIFORM_VARIANCE = 1.0 / 3.0
+# The greatest variance of a number between -1 and 1 (Popoviciu).
+GREATEST_VARIANCE = 1.0
 # Residuals to spare below this leave the approximation without meaning.
 LEAST_FREEDOM = 4.5
 
@@ -54,7 +54,7 @@ def small_sample_covariance(jacobian: Array, covariance: Array, by_level: Array)
         # Neither level is negative and both together make up the variance: their difference is within +-1 of it,
         # however little the residuals say of it.
         difference = levels.mean(axis=0) * [1.0, -1.0]
-        information += np.outer(difference, difference) / UNIFORM_VARIANCE
+        information += np.outer(difference, difference) / GREATEST_VARIANCE
     spread = np.linalg.pinv(information, rcond=1e-10, hermitian=True)  # of the levels' squares
     wider = covariance.copy()
     first = second = 0.0
