@@ -19,7 +19,7 @@ void measure(const char* name, int size, const Run& run) {
     run();
     best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   }
-  std::printf("%-24s %8.1f ns\n", name, 1e9 * best / size);
+  std::printf("%-28s %8.1f ns\n", name, 1e9 * best / size);
 }
 
 }  // namespace
@@ -41,14 +41,20 @@ int main() {
   });
   measure("two_lines, batch", kSize,
           [&] { two_lines_batch(space.points.data(), needles.data(), kSize, 1, out); });
-  std::array<Transform, 8> solutions;
-  std::vector<PointOnPlane> rows(kSize * 8);
-  for (int b = 0; b < kSize; ++b) point_planes(space, b, &rows[b * 8]);
-  measure("three_quadrics", kSize, [&] {
-    std::array<PointOnPlane, 7> seven;
-    for (int b = 0; b < kSize; ++b) {
-      std::copy_n(&rows[b * 8], 7, seven.begin());
-      three_quadrics(seven, solutions);
+  std::vector<double> x, planes;
+  for (int b = 0; b < kSize; ++b) {
+    std::array<PointOnPlane, 8> rows;
+    point_planes(space, b, rows.data());
+    for (int i = 0; i < 7; ++i) {
+      x.insert(x.end(), rows[i].point.data(), rows[i].point.data() + 3);
+      planes.insert(planes.end(), rows[i].normal.data(), rows[i].normal.data() + 3);
+      planes.push_back(rows[i].offset);
     }
+  }
+  measure("three_quadrics, batch", kSize,
+          [&] { three_quadrics_batch(x.data(), planes.data(), kSize, 7, NoRealRoot::kNothing, 1, out); });
+  measure("three_quadrics, one by one", kSize, [&] {
+    for (int b = 0; b < kSize; ++b)
+      three_quadrics_batch(&x[b * 21], &planes[b * 28], 1, 7, NoRealRoot::kNothing, 1, out);
   });
 }
