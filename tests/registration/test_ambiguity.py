@@ -40,7 +40,7 @@ def test_the_better_of_the_two_comes_first():
         fit = fit_point_lines(rows)
         best, other = better_of_mirrored(rows, fit)
         assert other is not None
-        squares = [np.sum(f.residuals_mm[fit.inlier] ** 2) for f in (best, other)]
+        squares = [np.sum(np.minimum(f.residuals_mm, fit.threshold_mm) ** 2) for f in (best, other)]
         assert squares[0] <= squares[1]
 
 

@@ -44,7 +44,7 @@ class Rival:
 def better_of_mirrored(rows: PointLineRows, fit: Fit) -> tuple[Fit, Fit | None]:
     """The fit and its mirrored answer, the better first; None where there is no other."""
     other = mirrored_answer(rows, fit)
-    if other is None or not _squares(other, fit) < _squares(fit, fit):
+    if other is None or not _truncated(other, fit.threshold_mm) < _truncated(fit, fit.threshold_mm):
         return fit, other
     other = replace(
         other,
@@ -94,6 +94,11 @@ def rival_of(fit: Fit, other: Fit, covariance: Array, places: Array) -> Rival | 
         apart_mm=float(np.linalg.norm(away, axis=1).max()),
         covariance=probability * np.outer(way, way),
     )
+
+
+def _truncated(fit: Fit, threshold_mm: float) -> float:
+    """What the consensus minimises, over all rows: whose residuals are small must not depend on who chose them."""
+    return float(np.sum(np.minimum(fit.residuals_mm, threshold_mm) ** 2))
 
 
 def _squares(of: Fit, rows_of: Fit) -> float:
