@@ -295,7 +295,7 @@ def calibrate(
         max_samples=max_samples,
         seed=seed,
     )
-    fit, mirrored = better_of_mirrored(table, fit)
+    fit, mirrored = better_of_mirrored(table, fit, sigma_px=sigma_px, sigma_mm=sigma_mm)
     if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension)
     refuse_free_motion(fit.least_information)

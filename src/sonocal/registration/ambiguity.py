@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sonocal.geometry import Array, AxisScaled, Similarity, segment_directions
-from sonocal.registration.fit import Fit, Model
+from sonocal.registration.degeneracy import direction_spread
+from sonocal.registration.fit import Fit
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_jacobian
@@ -16,8 +17,8 @@ __all__ = ["Rival", "better_of_mirrored", "mirrored_answer", "rival_of"]
 
 # Lines further apart than this tell an image from its mirror in any noise worth calibrating with.
 WIDEST_CONE_DEG = 40.0
-
-
+# Frobenius norm: refinement that comes this near has come back.
+SAME_ROTATION = 1e-3
 # A rival less likely than this is none.
 LEAST_PROBABILITY = 1e-3
 
@@ -41,26 +42,31 @@ class Rival:
     covariance: Array
 
 
-def better_of_mirrored(rows: PointLineRows, fit: Fit) -> tuple[Fit, Fit | None]:
-    """The fit and its mirrored answer, the better first; None where there is no other."""
+def better_of_mirrored(
+    rows: PointLineRows, fit: Fit, *, sigma_px: float | None = None, sigma_mm: float | None = None
+) -> tuple[Fit, Fit | None]:
+    """The fit and its mirrored answer, the better first; None where there is no other.
+
+    Args:
+        rows: points and lines.
+        fit: the answer.
+        sigma_px: noise level of the points that the answer was fitted with, where given.
+        sigma_mm: noise level of the segments, likewise.
+    """
     other = mirrored_answer(rows, fit)
     if other is None or not _truncated(other, fit.threshold_mm) < _truncated(fit, fit.threshold_mm):
         return fit, other
-    other = replace(
-        other,
-        inlier=other.residuals_mm <= fit.threshold_mm,
-        threshold_mm=fit.threshold_mm,
-        samples=fit.samples,
-    )
-    again = refine_point_lines(
+    inlier = other.residuals_mm <= fit.threshold_mm
+    better = refine_point_lines(
         other.transform,
         rows,
-        other.inlier,
+        inlier,
         model=fit.model,
         weighting=fit.weighting,
+        sigma_px=sigma_px,
+        sigma_mm=sigma_mm,
     )
-    better = replace(again, inlier=other.inlier, threshold_mm=fit.threshold_mm, samples=fit.samples)
-    return better, fit
+    return replace(better, inlier=inlier, threshold_mm=fit.threshold_mm, samples=fit.samples), fit
 
 
 def rival_of(fit: Fit, other: Fit, covariance: Array, places: Array) -> Rival | None:
@@ -84,7 +90,7 @@ def rival_of(fit: Fit, other: Fit, covariance: Array, places: Array) -> Rival | 
     probability = float(1.0 / (1.0 + np.exp(min(0.5 * max(worse, 0.0), 700.0))))
     if probability < LEAST_PROBABILITY:
         return None
-    away = other.transform.apply(_lifted(places)) - fit.transform.apply(_lifted(places))
+    away = other.transform @ places - fit.transform @ places
     jacobian = point_jacobian(fit.transform, places, len(covariance)).reshape(-1, len(covariance))
     way = np.linalg.lstsq(jacobian, away.reshape(-1), rcond=None)[0]
     return Rival(
@@ -105,10 +111,6 @@ def _squares(of: Fit, rows_of: Fit) -> float:
     return float(np.sum(of.residuals_mm[rows_of.inlier] ** 2))
 
 
-def _lifted(places: Array) -> Array:
-    return np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))])
-
-
 def mirrored_answer(rows: PointLineRows, fit: Fit) -> Fit | None:
     """The fit of the image mirrored in the plane across the lines' common direction, refined; None if it is no other.
 
@@ -127,16 +129,10 @@ def mirrored_answer(rows: PointLineRows, fit: Fit) -> Fit | None:
     if rows.dimension == 3:
         return None
     directions = segment_directions(rows.segments_mm[fit.inlier])
-    values, vectors = np.linalg.eigh(directions.T @ directions / len(directions))
-    if np.degrees(np.sqrt(max(values[0] + values[1], 0.0))) > WIDEST_CONE_DEG:
+    if np.degrees(direction_spread(directions)) > WIDEST_CONE_DEG:
         return None
-    mirror = np.eye(3) - 2.0 * np.outer(vectors[:, 2], vectors[:, 2])
-    first, second = (mirror @ fit.transform.rotation[:, :2]).T
-    rotation = np.column_stack([first, second, np.cross(first, second)])
-    centre = rows.points[fit.inlier].mean(axis=0)
-    start = _similar(rotation, fit.transform, fit.model)
-    moved = fit.transform.apply(centre) - start.apply(centre) + start.translation
-    start = type(start)(start.rotation, moved, start.scale if isinstance(start, Similarity) else start.scales)
+    common = np.linalg.eigh(directions.T @ directions)[1][:, 2]
+    start = _mirrored(fit.transform, common, rows.points[fit.inlier].mean(axis=0))
     other = refine_point_lines(
         start,
         rows,
@@ -146,17 +142,16 @@ def mirrored_answer(rows: PointLineRows, fit: Fit) -> Fit | None:
         sigma_px=fit.sigma_px,
         sigma_mm=fit.sigma_mm,
     )
-    apart = np.linalg.norm(other.transform.apply(rows.points) - fit.transform.apply(rows.points), axis=1)
     turned = np.linalg.norm(other.transform.rotation - fit.transform.rotation)
-    return other if turned > SAME_ROTATION and apart.max() > 0 else None
+    return other if turned > SAME_ROTATION else None
 
 
-# Frobenius norm: refinement that comes this near has come back.
-SAME_ROTATION = 1e-3
-
-
-def _similar(rotation: Array, transform: AxisScaled, model: Model) -> AxisScaled:
-    if model == "similarity":
-        assert isinstance(transform, Similarity)
-        return Similarity(rotation, transform.translation, transform.scale)
-    return AxisScaled(rotation, transform.translation, transform.scales)
+def _mirrored(transform: AxisScaled, axis: Array, centre: Array) -> AxisScaled:
+    """The image mirrored in the plane across an axis through where the centre (3,) px is mapped to."""
+    mirror = np.eye(3) - 2.0 * np.outer(axis, axis)
+    first, second = (mirror @ transform.rotation[:, :2]).T
+    rotation = np.column_stack([first, second, np.cross(first, second)])
+    translation = transform.apply(centre) - rotation @ (transform.scales * centre)
+    if isinstance(transform, Similarity):
+        return Similarity(rotation, translation, transform.scale)
+    return AxisScaled(rotation, translation, transform.scales)

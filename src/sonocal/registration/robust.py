@@ -107,6 +107,7 @@ def fit_point_lines(
             threshold_mm=threshold_mm,
             sigma_px=sigma_px,
             sigma_mm=sigma_mm,
+            confidence=confidence,
             max_samples=max_samples,
             seed=seed,
         )
@@ -133,6 +134,7 @@ def _fit_coplanar(
     threshold_mm: float,
     sigma_px: float | None,
     sigma_mm: float | None,
+    confidence: float,
     max_samples: int,
     seed: int,
 ) -> Fit | None:
@@ -146,7 +148,7 @@ def _fit_coplanar(
         first,
         threshold_mm=threshold_mm,
         refine=True,
-        confidence=0.99999,
+        confidence=confidence,
         max_samples=max_samples,
         seed=seed,
     )
