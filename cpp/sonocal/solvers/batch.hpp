@@ -10,15 +10,6 @@
 #include "sonocal/solvers/lanes.hpp"
 #include "sonocal/transform.hpp"
 
-// Compiles a function, with all it calls, for newer x86-64 too, and picks one when the library loads.
-// Sanitizers start after the picking.
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__)
-#define SONOCAL_CLONES __attribute__((target_clones("arch=x86-64-v3", "default"), flatten))
-#else
-#define SONOCAL_CLONES
-#endif
-
 namespace sonocal {
 
 enum class NoRealRoot {
