@@ -53,7 +53,7 @@ def core_call(rows: PointLineRows, weighting: str) -> Callable[[], object]:
             threshold_mm=5.0,
             level_px=0.0,
             level_mm=0.0,
-            confidence=0.99999,
+            confidence=0.9999,
             max_samples=10_000,
             exhaustive_samples=200,
             seed=0,

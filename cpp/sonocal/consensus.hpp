@@ -12,7 +12,7 @@
 namespace sonocal {
 
 struct ConsensusOptions {
-  double confidence = 0.99999;
+  double confidence = 0.9999;
   int max_samples = 10000;
   int exhaustive_samples = 200;  // go through all combinations where they are no more than this
   std::uint64_t seed = 0;

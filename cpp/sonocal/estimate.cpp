@@ -1,5 +1,6 @@
 #include "sonocal/estimate.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
@@ -14,12 +15,17 @@ using Column = PointLines::Column;
 using Agreeing = Eigen::Array<bool, Eigen::Dynamic, 1>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kLocalRounds = 4;
-constexpr int kLocalIterations = 1;
+constexpr int kLocalRounds = 2;
+constexpr int kLocalIterations = 2;
+constexpr int kSettlingRounds = 4;
 constexpr int kFinalRounds = 20;
 constexpr int kFinalIterations = 60;
 constexpr double kLittle = 1e-2;  // part of a score
 constexpr int kLikelihoodRounds = 4;
+constexpr double kFewOfMany = 1e-4;
+// Of a few rows' samples, the best are refined in search of other answers; nearer than this is the same one.
+constexpr int kMostStarts = 12;
+constexpr double kSameRotation = 1e-3;
 // A consensus is as clear among this many rows as among a million.
 constexpr int kMostConsensusRows = 4000;
 constexpr int kAutoSamples = 300;
@@ -63,7 +69,7 @@ class PointLineEstimator {
   // samples happened to be. True if it came to rest.
   bool settle(Transform& a, double& score) {
     bool converged = optimise(a, score, kFinalRounds, kFinalIterations, 0).converged;
-    for (int round = 0, improved = 1; improved && round < kLocalRounds; ++round) {
+    for (int round = 0, improved = 1; improved && round < kSettlingRounds; ++round) {
       improved = 0;
       rows_.squared_distances(a, squares_);
       const Agreeing own = squares_ <= limit_;
@@ -164,11 +170,45 @@ double limit_from_noise(const PointLines& rows, Sampler& sampler, std::uint64_t 
 
 struct Start {
   Transform transform;
+  std::vector<Transform> others;  // that fit the rows that agree, locally as well as can be
   double limit;
   int samples = 0;
   bool found = false;
   bool converged = false;
 };
+
+// What else the rows within the limit of an answer are fitted by: few rows leave several answers, of which
+// the paper's cost need not have the likeliest for its least.
+template <class Sampler>
+std::vector<Transform> other_answers(const PointLines& rows, Sampler& sampler, const Transform& answer,
+                                     double limit, sonocal::Model model) {
+  std::vector<std::pair<double, Transform>> starts;
+  Sample sample{0, 1, 2, 3, 4, 5, 6};
+  Random random(0);
+  Candidates candidates;
+  do {
+    const int count = sampler.solve(sample, random, candidates);
+    for (int i = 0; i < count; ++i)
+      starts.emplace_back(rows.truncated_sum(candidates[i], limit, kInfinity), candidates[i]);
+  } while (next_combination(sample, sampler.sample_size(), sampler.units()));
+  std::sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  if (starts.size() > kMostStarts) starts.resize(kMostStarts);
+
+  Column squares;
+  rows.squared_distances(answer, squares);
+  const NormalEquations cost = rows.geometric_cost(squares, limit);
+  std::vector<Transform> found{answer};
+  for (const auto& [score, start] : starts) {
+    const Refinement refined = refine(cost, start, model, kFinalIterations);
+    const bool known = std::any_of(found.begin(), found.end(), [&](const Transform& other) {
+      return (refined.transform.rotation - other.rotation).norm() < kSameRotation;
+    });
+    if (refined.converged && !known && !ran_away(refined.transform, answer))
+      found.push_back(refined.transform);
+  }
+  found.erase(found.begin());
+  return found;
+}
 
 template <class Sampler>
 Start consensus_with(const PointLines& rows, Sampler sampler, const Options& options) {
@@ -192,6 +232,9 @@ Start consensus_with(const PointLines& rows, Sampler sampler, const Options& opt
       start.limit = std::max(squares[squares.size() / 2] * kChi2Most / kChi2Median, 1e-24);
     }
   }
+  if (options.weighting == Weighting::kLikelihood && sampler.enumerable() &&
+      combinations(sampler.units(), sampler.sample_size()) <= options.consensus.exhaustive_samples)
+    start.others = other_answers(rows, sampler, start.transform, start.limit, options.model);
   return start;
 }
 
@@ -245,69 +288,93 @@ Start start_of(const Table& table, const PointLines& rows, const Sightings& sigh
 
 // The tangent's map from normalised to original coordinates: the rotation turns about the image's
 // centre there and about its origin here, so a turn and a growth move the origin too.
-TangentMatrix tangent_to_original(const Transform& original, const Normalisation& normalisation,
-                                  Model model) {
-  const int k = parameter_count(model);
+template <int kParameters>
+Eigen::Matrix<double, kParameters, kParameters> tangent_to_original(const Transform& original,
+                                                                    const Normalisation& normalisation) {
   const Matrix3d s = original.linear();
   const Vector3d centre = normalisation.image_centre;
-  TangentMatrix map = TangentMatrix::Identity(k, k);
-  map.block<3, 3>(3, 0) = cross_matrix(s * centre);
-  map.block<3, 3>(3, 3) *= normalisation.size;
-  if (model == Model::kSimilarity)
-    map.block<3, 1>(3, 6) = -s * centre;
+  Eigen::Matrix<double, kParameters, kParameters> map;
+  map.setIdentity();
+  map.template block<3, 3>(3, 0) = cross_matrix(s * centre);
+  map.template block<3, 3>(3, 3) *= normalisation.size;
+  if (kParameters == 7)
+    map.template block<3, 1>(3, 6) = -s * centre;
   else
-    for (int axis = 0; axis < 2; ++axis) map.block<3, 1>(3, 6 + axis) = -s.col(axis) * centre[axis];
+    for (int axis = 0; axis < kParameters - 6; ++axis)
+      map.template block<3, 1>(3, 6 + axis) = -s.col(axis) * centre[axis];
   return map;
 }
 
 // Fills in what follows from the normalised transform: the rows with squares <= limit are its inliers.
-class Reporter {
- public:
-  Reporter(const PointLines& rows, const Options& options) : rows_(rows), options_(options) {}
+template <int kParameters>
+void report_as(const PointLines& rows, const Transform& normalised, const Column& squares, double limit,
+               const std::optional<LikelihoodFit>& likelihood, Estimate& result) {
+  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+  const Normalisation& n = rows.normalisation();
+  const NormalEquations equations = rows.geometric_cost(squares, limit);
+  Matrix geometric;
+  Eigen::Matrix<double, kParameters, 1> unused;
+  equations.linearise<kParameters>(normalised, geometric, unused);
+  result.inliers = equations.rows();
+  result.least_information =
+      Eigen::SelfAdjointEigenSolver<Matrix>(geometric, Eigen::EigenvaluesOnly).eigenvalues()[0] /
+      std::max(result.inliers, 1);
+  result.transform = n.to_original(normalised);
+  rows.squared_distances(normalised, result.squares);
+  result.squares *= n.size * n.size;
+  result.covariance =
+      TangentMatrix::Constant(kParameters, kParameters, std::numeric_limits<double>::quiet_NaN());
+  result.found = true;
+  if (!(result.least_information > 0)) return;
+  const Matrix information =
+      likelihood ? Matrix(likelihood->information) : Matrix(geometric * (n.size * n.size));
+  const Matrix map = tangent_to_original<kParameters>(result.transform, n);
+  result.covariance = map * information.ldlt().solve(Matrix(map.transpose()));
+  if (likelihood) result.levels = likelihood->levels;
+}
 
-  void operator()(const Transform& normalised, const Column& squares, double limit,
-                  const std::optional<LikelihoodFit>& likelihood, Estimate& result) const {
-    const Normalisation& n = rows_.normalisation();
-    const int k = parameter_count(options_.model);
-    const NormalEquations equations = rows_.geometric_cost(squares, limit);
-    const TangentMatrix geometric = equations.information(normalised, options_.model);
-    result.inliers = equations.rows();
-    result.least_information = Eigen::SelfAdjointEigenSolver<TangentMatrix>(geometric).eigenvalues()[0] /
-                               std::max(result.inliers, 1);
-    result.transform = n.to_original(normalised);
-    rows_.squared_distances(normalised, result.squares);
-    result.squares *= n.size * n.size;
-    result.covariance = TangentMatrix::Constant(k, k, std::numeric_limits<double>::quiet_NaN());
-    result.found = true;
-    if (!(result.least_information > 0)) return;
-    const TangentMatrix map = tangent_to_original(result.transform, n, options_.model);
-    const TangentMatrix inverse = likelihood ? TangentMatrix(likelihood->information.inverse())
-                                             : TangentMatrix(geometric.inverse() / (n.size * n.size));
-    result.covariance = map * inverse * map.transpose();
-    if (likelihood) result.levels = likelihood->levels;
-  }
+void report(const PointLines& rows, const Transform& normalised, const Column& squares, double limit,
+            const std::optional<LikelihoodFit>& likelihood, Model model, Estimate& result) {
+  if (model == Model::kSimilarity)
+    report_as<7>(rows, normalised, squares, limit, likelihood, result);
+  else
+    report_as<8>(rows, normalised, squares, limit, likelihood, result);
+}
 
- private:
-  const PointLines& rows_;
-  const Options& options_;
-};
-
-// Weighted refinement, and again where it changed which rows agree.
+// Weighted refinement, and again where it changed which rows agree by more than a few of very many.
 LikelihoodFit weigh(const PointLines& rows, const Sightings& sightings, const RowNoise& noise, Start& start,
                     const Options& options, Column& squares) {
-  const NoiseModel model(rows, sightings, noise);
   LikelihoodFit fit;
   int agreeing = -1;
   for (int round = 0; round < kLikelihoodRounds; ++round) {
     rows.squared_distances(start.transform, squares);
     const int now = static_cast<int>((squares <= start.limit).count());
-    if (now == agreeing) break;
+    if (std::abs(now - agreeing) <= kFewOfMany * now) break;
     agreeing = now;
-    fit = maximise_likelihood(model, squares, start.limit, start.transform, options.model, options.levels);
+    fit = maximise_likelihood(NoiseModel(rows, sightings, noise, squares, start.limit), start.transform,
+                              options.model, options.levels);
     start.transform = fit.transform;
   }
   rows.squared_distances(start.transform, squares);
   return fit;
+}
+
+// The likeliest of the answers that few rows leave, for the rows that agree with the first.
+void choose_likeliest(const PointLines& rows, const Sightings& sightings, const RowNoise& noise, Start& start,
+                      const Options& options, Column& squares, LikelihoodFit& fit) {
+  if (start.others.empty()) return;
+  const NoiseModel model(rows, sightings, noise, squares, start.limit);
+  double least = deviance(model, fit.transform, fit.levels);
+  const Transform first = fit.transform;
+  for (const Transform& other : start.others) {
+    const LikelihoodFit rival = maximise_likelihood(model, other, options.model, options.levels);
+    const double value = deviance(model, rival.transform, rival.levels);
+    if (!rival.converged || !(value < least)) continue;
+    least = value;
+    start.transform = rival.transform;
+  }
+  if (start.transform.rotation != first.rotation)
+    fit = weigh(rows, sightings, noise, start, options, squares);
 }
 
 }  // namespace
@@ -327,9 +394,10 @@ Estimate estimate(const Table& table, const Options& options) {
   if (options.weighting == Weighting::kLikelihood &&
       2 * (squares <= start.limit).count() > parameter_count(options.model)) {
     fit = weigh(rows, sightings, table.noise, start, options, squares);
+    choose_likeliest(rows, sightings, table.noise, start, options, squares, *fit);
     result.converged = fit->converged;
   }
-  Reporter(rows, options)(start.transform, squares, start.limit, fit, result);
+  report(rows, start.transform, squares, start.limit, fit, options.model, result);
   return result;
 }
 
@@ -350,58 +418,74 @@ Estimate refine_chosen(const Table& table, const bool* chosen, const Transform& 
     result.converged = geometric.converged;
   }
   if (options.weighting == Weighting::kLikelihood) {
-    fit = maximise_likelihood(NoiseModel(rows, sightings, table.noise), selector, kChosen, refined,
+    fit = maximise_likelihood(NoiseModel(rows, sightings, table.noise, selector, kChosen), refined,
                               options.model, options.levels);
     refined = fit->transform;
     result.converged = fit->converged;
   }
-  Reporter(rows, options)(refined, selector, kChosen, fit, result);
+  report(rows, refined, selector, kChosen, fit, options.model, result);
   return result;
 }
 
 namespace {
 
+// Derivative of a residual n . (S x + h t) by the tangent.
+template <int kParameters>
+Eigen::Matrix<double, 1, kParameters> residual_jacobian(const Vector3d& n, const Vector3d& x, double h,
+                                                        const Matrix3d& s) {
+  Eigen::Matrix<double, 1, kParameters> j;
+  const Vector3d sx = s * x;
+  j.template head<3>() = sx.cross(n);
+  j.template segment<3>(3) = h * n;
+  if (kParameters == 7) {
+    j[6] = n.dot(sx);
+  } else {
+    j[6] = n.dot(s.col(0)) * x[0];
+    j[kParameters - 1] = n.dot(s.col(1)) * x[1];
+  }
+  return j;
+}
+
 template <int kParameters>
 WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& at, const Options& options) {
   const PointLines rows(table.points, table.segments, table.rows, table.dimension);
-  const Sightings sightings = sightings_of(table);
   const Normalisation& n = rows.normalisation();
   const Transform normalised = n.to_normalised(at);
-  const Matrix3d s = normalised.linear();
-  const TangentMatrix from_original = tangent_to_original(at, n, options.model).inverse();
+  const Eigen::Matrix<double, kParameters, kParameters> from_original =
+      tangent_to_original<kParameters>(at, n).inverse();
+  const bool alike = options.weighting == Weighting::kGeometric;
   Column selector(table.rows);
   for (int i = 0; i < table.rows; ++i) selector[i] = chosen[i] ? 0.0 : 1.0;
-  const int count = 2 * static_cast<int>((selector < 0.5).count());
-  const NoiseModel noise(rows, sightings, table.noise);
-  const double a = std::pow(options.levels.px / n.image_size, 2), b = std::pow(options.levels.mm / n.size, 2);
-  const bool alike = options.weighting == Weighting::kGeometric;
+  const NoiseModel noise(rows, sightings_of(table), table.noise, selector, 0.5,
+                         alike ? NoiseModel::Kind::kAlike : NoiseModel::Kind::kPhysical);
+  const double px = 1 / (n.image_size * n.image_size), mm = 1 / (n.size * n.size);
+  const Variances levels =
+      alike ? Variances{0, mm}
+            : Variances{px * std::pow(options.levels.px, 2), mm * std::pow(options.levels.mm, 2)};
 
+  const int count = 2 * static_cast<int>((selector < 0.5).count());
   WhiteResiduals out;
   out.jacobian.resize(count, kParameters);
   out.shift.resize(count, 3);
   out.residual.resize(count);
   out.by_level.setZero(count, 2);
   out.row.reserve(count);
-  std::vector<IndependentRow> independent;
+  NoiseBlocks blocks(noise, normalised, levels);
+  IndependentBlock block;
   int to = 0;
-  for (int i = 0; i < sightings.size(); ++i) {
-    if (alike)
-      noise.alike_rows(i, selector, 0.5, independent);
-    else
-      noise.independent_rows(i, normalised, selector, 0.5, independent);
-    for (const IndependentRow& row : independent)
-      for (int k = 0; k < 2; ++k, ++to) {
-        const double variance = alike ? 1.0 / (n.size * n.size) : a * row.alpha[k] + b * row.beta[k];
-        const double weight = 1.0 / std::sqrt(variance);
-        if (!alike)
-          out.by_level.row(to) << row.alpha[k] / (n.image_size * n.image_size * variance),
-              row.beta[k] / (n.size * n.size * variance);
-        out.residual[to] = weight * residual(row, k, s, normalised.translation);
-        out.jacobian.row(to) = weight * residual_jacobian<kParameters>(row, k, s).transpose() * from_original;
-        out.shift.row(to) = (weight * row.h / n.size) * row.normal[k].transpose();
-        out.row.push_back(sightings[i][0]);
+  while (blocks.next(block))
+    for (int i = 0; i < block.count; ++i)
+      for (int k = 0; k < PointLines::kPlanes; ++k, ++to) {
+        const double weight = block.weight[k][i], root = std::sqrt(weight);
+        const Vector3d normal(block.normal[k][0][i], block.normal[k][1][i], block.normal[k][2][i]);
+        const Vector3d x(block.x[0][i], block.x[1][i], block.x[2][i]);
+        if (!alike) out.by_level.row(to) << block.alpha[k][i] * px * weight, block.beta[k][i] * mm * weight;
+        out.residual[to] = root * block.residual[k][i];
+        out.jacobian.row(to) =
+            root * residual_jacobian<kParameters>(normal, x, block.h[i], normalised.linear()) * from_original;
+        out.shift.row(to) = (root * block.h[i] / n.size) * normal.transpose();
+        out.row.push_back(block.first_row[i]);
       }
-  }
   return out;
 }
 

@@ -19,25 +19,6 @@ Theta theta_of(const Transform& a) {
   return theta;
 }
 
-template <int kParameters>
-using ThetaJacobian = Eigen::Matrix<double, NormalEquations::kLinear, kParameters>;
-
-// d theta / d (w, v, l): a column c of S turns as w x c and grows as l c; the translation shifts as v.
-template <int kParameters>
-ThetaJacobian<kParameters> theta_jacobian(const Transform& a) {
-  ThetaJacobian<kParameters> d = ThetaJacobian<kParameters>::Zero();
-  const Matrix3d s = a.linear();
-  for (int column = 0; column < 3; ++column) {
-    d.template block<3, 3>(3 * column, 0) = -cross_matrix(s.col(column));
-    if (kParameters == 7)
-      d.template block<3, 1>(3 * column, 6) = s.col(column);
-    else if (column < 2)
-      d.template block<3, 1>(3 * column, 6 + column) = s.col(column);
-  }
-  d.template block<3, 3>(9, 3).setIdentity();
-  return d;
-}
-
 // What the planes of a block give: the upper triangle of Q = sum_p weight_p n_p n_p', and b.
 struct Products {
   alignas(64) double q[6][Block::kRows];  // Q: xx xy xz yy yz zz
@@ -143,14 +124,44 @@ double NormalEquations::cost(const Transform& a) const {
   return theta.dot(h_.lazyProduct(theta) + 2.0 * g_) + c_;
 }
 
+template <int kColumns, int kParameters>
+void NormalEquations::linearise_columns(const Transform& a,
+                                        Eigen::Matrix<double, kParameters, kParameters>& jtj,
+                                        Eigen::Matrix<double, kParameters, 1>& jtr) const {
+  constexpr int kSize = 3 * kColumns, kScales = kParameters - 6;
+  const Columns<kColumns> s = columns_of<kColumns>(a);
+  const auto d = columns_jacobian<kColumns, kScales>(s);
+  const auto h_ts = h_.template block<3, kSize>(9, 0);
+  const Eigen::Matrix<double, kSize, 3 + kScales> hd =
+      h_.template topLeftCorner<kSize, kSize>().lazyProduct(d);
+  const Eigen::Matrix<double, 3 + kScales, 3 + kScales> turning = d.transpose().lazyProduct(hd);
+  const Eigen::Matrix<double, 3, 3 + kScales> mixed = h_ts.lazyProduct(d);
+  const Columns<kColumns> by_columns = h_.template topLeftCorner<kSize, kSize>().lazyProduct(s) +
+                                       h_ts.transpose().lazyProduct(a.translation) +
+                                       g_.template head<kSize>();
+  const Eigen::Matrix<double, 3 + kScales, 1> gradient = d.transpose().lazyProduct(by_columns);
+  // The tangent's order: turn, translation, log scales.
+  jtj.template topLeftCorner<3, 3>() = turning.template topLeftCorner<3, 3>();
+  jtj.template block<3, 3>(3, 0) = mixed.template leftCols<3>();
+  jtj.template block<3, 3>(3, 3) = h_.template bottomRightCorner<3, 3>();
+  jtj.template block<kScales, 3>(6, 0) = turning.template bottomLeftCorner<kScales, 3>();
+  jtj.template block<kScales, 3>(6, 3) = mixed.template rightCols<kScales>().transpose();
+  jtj.template block<kScales, kScales>(6, 6) = turning.template bottomRightCorner<kScales, kScales>();
+  jtj.template triangularView<Eigen::StrictlyUpper>() = jtj.transpose();
+  jtr.template head<3>() = gradient.template head<3>();
+  jtr.template segment<3>(3) = h_ts.lazyProduct(s) +
+                               h_.template bottomRightCorner<3, 3>().lazyProduct(a.translation) +
+                               g_.template tail<3>();
+  jtr.template tail<kScales>() = gradient.template tail<kScales>();
+}
+
 template <int kParameters>
 void NormalEquations::linearise(const Transform& a, Eigen::Matrix<double, kParameters, kParameters>& jtj,
                                 Eigen::Matrix<double, kParameters, 1>& jtr) const {
-  const ThetaJacobian<kParameters> d = theta_jacobian<kParameters>(a);
-  const Theta gradient = h_.lazyProduct(theta_of(a)) + g_;
-  const ThetaJacobian<kParameters> hd = h_.lazyProduct(d);
-  jtj = d.transpose().lazyProduct(hd);
-  jtr = d.transpose().lazyProduct(gradient);
+  if (dimension_ == 2)
+    linearise_columns<2>(a, jtj, jtr);
+  else
+    linearise_columns<3>(a, jtj, jtr);
 }
 template void NormalEquations::linearise<7>(const Transform&, Eigen::Matrix<double, 7, 7>&,
                                             Eigen::Matrix<double, 7, 1>&) const;

@@ -20,6 +20,31 @@ using TangentMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 8
 template <int kParameters>
 Transform retract(const Transform& a, const Eigen::Matrix<double, kParameters, 1>& step);
 
+// The columns of R diag(scales) one under the other, and their derivative by (turn, log scales): a column c
+// turns as w x c and grows as l c.
+template <int kColumns>
+using Columns = Eigen::Matrix<double, 3 * kColumns, 1>;
+template <int kColumns>
+Columns<kColumns> columns_of(const Transform& a) {
+  Columns<kColumns> s;
+  for (int column = 0; column < kColumns; ++column)
+    s.template segment<3>(3 * column) = a.scales[column] * a.rotation.col(column);
+  return s;
+}
+template <int kColumns, int kScales>
+Eigen::Matrix<double, 3 * kColumns, 3 + kScales> columns_jacobian(const Columns<kColumns>& s) {
+  Eigen::Matrix<double, 3 * kColumns, 3 + kScales> d =
+      Eigen::Matrix<double, 3 * kColumns, 3 + kScales>::Zero();
+  for (int column = 0; column < kColumns; ++column) {
+    const Vector3d c = s.template segment<3>(3 * column);
+    d.template block<3, 3>(3 * column, 0) = -cross_matrix(c);
+    // Of two scales the second is the second column's; no point of a 2D image has a third coordinate.
+    if (kScales == 1 || column < kScales)
+      d.template block<3, 1>(3 * column, kScales == 1 ? 3 : 3 + column) = c;
+  }
+  return d;
+}
+
 // Up to 64 rows side by side, as structure of arrays. A row is a point x with its homogeneous coordinate
 // h, and two planes with weights; its residuals are n_k . (S x + h t) + h o_k.
 struct Block {
@@ -50,6 +75,10 @@ class NormalEquations {
   void add(const Block& block);
 
   int rows() const { return rows_; }
+  int dimension() const { return dimension_; }
+  const LinearMatrix& h() const { return h_; }
+  const Theta& g() const { return g_; }
+  double c() const { return c_; }
   double cost(const Transform& a) const;
   // J'J and J'r for the tangent at a, by the chain rule through theta.
   template <int kParameters>
@@ -58,6 +87,10 @@ class NormalEquations {
   TangentMatrix information(const Transform& a, Model model) const;
 
  private:
+  template <int kColumns, int kParameters>
+  void linearise_columns(const Transform& a, Eigen::Matrix<double, kParameters, kParameters>& jtj,
+                         Eigen::Matrix<double, kParameters, 1>& jtr) const;
+
   int dimension_;
   int rows_ = 0;
   LinearMatrix h_ = LinearMatrix::Zero();

@@ -27,11 +27,6 @@ namespace {
 using Columns3 = PointLines::Columns3;
 using Rows3 = Eigen::Map<const Eigen::Array<double, Eigen::Dynamic, 3, Eigen::RowMajor>>;
 
-struct Pointers {
-  const double *x, *y, *z;
-  explicit Pointers(const Columns3& c) : x(c.col(0).data()), y(c.col(1).data()), z(c.col(2).data()) {}
-};
-
 // Root mean square distance from the mean of rows of three, the mean in `centre`; 1 where all coincide.
 double centre_and_size(const Rows3& points, Vector3d& centre) {
   centre = points.colwise().mean().matrix();
@@ -42,104 +37,100 @@ double centre_and_size(const Rows3& points, Vector3d& centre) {
   return size > 0 ? size : 1;
 }
 
-// The transform and the columns, in registers: through pointers the compiler must expect them to change.
+// The transform and the columns as plain numbers and pointers: a local copy stays in registers.
 struct Rows {
   Rows(const Transform& a, const Columns3& points, const Columns3* normals, const PointLines::Column* offsets)
-      : s(a.linear()),
-        t(a.translation),
-        x(points),
-        n(normals[0]),
-        m(normals[1]),
-        o(offsets[0].data()),
-        p(offsets[1].data()) {}
-  Matrix3d s;
-  Vector3d t;
-  Pointers x, n, m;
+      : o(offsets[0].data()), p(offsets[1].data()) {
+    const Matrix3d linear = a.linear();
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) s[i][j] = linear(i, j);
+      t[i] = a.translation[i];
+      x[i] = points.col(i).data();
+      n[i] = normals[0].col(i).data();
+      m[i] = normals[1].col(i).data();
+    }
+  }
+
+  // Squared distance of row i: (n . y + o)^2 + (m . y + p)^2 with y = S x + t.
+  [[gnu::always_inline]] inline double square(int i) const {
+    const double x0 = x[0][i], x1 = x[1][i], x2 = x[2][i];
+    const double y0 = s[0][0] * x0 + s[0][1] * x1 + s[0][2] * x2 + t[0];
+    const double y1 = s[1][0] * x0 + s[1][1] * x1 + s[1][2] * x2 + t[1];
+    const double y2 = s[2][0] * x0 + s[2][1] * x1 + s[2][2] * x2 + t[2];
+    const double r = n[0][i] * y0 + n[1][i] * y1 + n[2][i] * y2 + o[i];
+    const double q = m[0][i] * y0 + m[1][i] * y1 + m[2][i] * y2 + p[i];
+    return r * r + q * q;
+  }
+
+  double s[3][3], t[3];
+  const double *x[3], *n[3], *m[3];
   const double *o, *p;
 };
 
-// Squared distances of rows begin .. end - 1 to `out`: (n . y + o)^2 + (m . y + p)^2 with y = S x + t.
-SONOCAL_WIDEST_VECTORS void squares_of(const Rows& rows, int begin, int end, double* __restrict out) {
-  const double s00 = rows.s(0, 0), s01 = rows.s(0, 1), s02 = rows.s(0, 2), t0 = rows.t[0];
-  const double s10 = rows.s(1, 0), s11 = rows.s(1, 1), s12 = rows.s(1, 2), t1 = rows.t[1];
-  const double s20 = rows.s(2, 0), s21 = rows.s(2, 1), s22 = rows.s(2, 2), t2 = rows.t[2];
-  const double* __restrict xx = rows.x.x + begin;
-  const double* __restrict xy = rows.x.y + begin;
-  const double* __restrict xz = rows.x.z + begin;
-  const double* __restrict nx = rows.n.x + begin;
-  const double* __restrict ny = rows.n.y + begin;
-  const double* __restrict nz = rows.n.z + begin;
-  const double* __restrict mx = rows.m.x + begin;
-  const double* __restrict my = rows.m.y + begin;
-  const double* __restrict mz = rows.m.z + begin;
-  const double* __restrict o = rows.o + begin;
-  const double* __restrict p = rows.p + begin;
+SONOCAL_WIDEST_VECTORS void squares_of(const Rows& given, int count, double* __restrict out) {
+  const Rows rows = given;
 #pragma omp simd
-  for (int i = 0; i < end - begin; ++i) {
-    const double y0 = s00 * xx[i] + s01 * xy[i] + s02 * xz[i] + t0;
-    const double y1 = s10 * xx[i] + s11 * xy[i] + s12 * xz[i] + t1;
-    const double y2 = s20 * xx[i] + s21 * xy[i] + s22 * xz[i] + t2;
-    const double r = nx[i] * y0 + ny[i] * y1 + nz[i] * y2 + o[i];
-    const double q = mx[i] * y0 + my[i] * y1 + mz[i] * y2 + p[i];
-    out[i] = r * r + q * q;
-  }
+  for (int i = 0; i < count; ++i) out[i] = rows.square(i);
 }
 
-SONOCAL_WIDEST_VECTORS double sum_truncated(const double* values, int count, double limit) {
+// Block by block, given up once it reaches `enough`: most transforms that are tried are bad and show it soon.
+SONOCAL_WIDEST_VECTORS double sum_truncated(const Rows& given, int count, double limit, double enough) {
+  const Rows rows = given;
   double sum = 0;
-#pragma omp simd reduction(+ : sum)
-  for (int i = 0; i < count; ++i) sum += values[i] < limit ? values[i] : limit;
+  for (int begin = 0; begin < count && sum < enough; begin += PointLines::kPadding) {
+    double block = 0;
+#pragma omp simd reduction(+ : block)
+    for (int i = begin; i < begin + PointLines::kPadding; ++i) {
+      const double square = rows.square(i);
+      block += square < limit ? square : limit;
+    }
+    sum += block;
+  }
   return sum;
+}
+
+int padded(int count) {
+  return (count + PointLines::kPadding - 1) / PointLines::kPadding * PointLines::kPadding;
 }
 
 }  // namespace
 
 PointLines::PointLines(const double* points, const double* segments, int count, int dimension)
-    : dimension_(dimension), segments_(segments), points_(count, 3) {
+    : size_(count),
+      dimension_(dimension),
+      points_(Columns3::Zero(padded(count), 3)),
+      normals_{Columns3::Zero(padded(count), 3), Columns3::Zero(padded(count), 3)},
+      offsets_{Column::Zero(padded(count)), Column::Zero(padded(count))},
+      middles_(count),
+      half_lengths_(count) {
   Normalisation& n = normalisation_;
   n.image_size = centre_and_size(Rows3(points, count, 3), n.image_centre);
   n.size = centre_and_size(Rows3(segments, 2 * count, 3), n.centre);
   for (int axis = 0; axis < 3; ++axis)
-    points_.col(axis) = (Rows3(points, count, 3).col(axis) - n.image_centre[axis]) / n.image_size;
-  for (int k = 0; k < kPlanes; ++k) {
-    normals_[k].resize(count, 3);
-    offsets_[k].resize(count);
-  }
+    points_.col(axis).head(count) = (Rows3(points, count, 3).col(axis) - n.image_centre[axis]) / n.image_size;
   for (int i = 0; i < count; ++i) {
-    const Needle line = needle(i);
+    const Eigen::Map<const Vector3d> from(segments + 6 * i), to(segments + 6 * i + 3);
+    const Vector3d along = to - from, middle = (0.5 * (from + to) - n.centre) / n.size;
+    const double length = along.norm();
+    const Vector3d direction = along / length;
     Vector3d basis[kPlanes];
-    perpendicular_basis(line.direction, basis[0], basis[1]);
+    perpendicular_basis(direction, basis[0], basis[1]);
     for (int k = 0; k < kPlanes; ++k) {
       normals_[k].row(i) = basis[k].array();
-      offsets_[k][i] = -basis[k].dot(line.middle);
+      offsets_[k][i] = -basis[k].dot(middle);
     }
+    middles_[i] = direction.dot(middle);
+    half_lengths_[i] = 0.5 * length / n.size;
   }
-}
-
-Needle PointLines::needle(int i) const {
-  const Eigen::Map<const Vector3d> from(segments_ + 6 * i), to(segments_ + 6 * i + 3);
-  const Vector3d along = to - from;
-  const double length = along.norm();
-  return {(0.5 * (from + to) - normalisation_.centre) / normalisation_.size, along / length,
-          0.5 * length / normalisation_.size};
 }
 
 void PointLines::squared_distances(const Transform& a, Column& out) const {
   out.resize(size());
-  squares_of(Rows(a, points_, normals_, offsets_), 0, size(), out.data());
+  squares_of(Rows(a, points_, normals_, offsets_), size(), out.data());
 }
 
 double PointLines::truncated_sum(const Transform& a, double limit, double enough) const {
-  constexpr int kBlock = 256;
-  alignas(64) double squares[kBlock];
-  const Rows rows(a, points_, normals_, offsets_);
-  double sum = 0;
-  for (int begin = 0; begin < size() && sum < enough; begin += kBlock) {
-    const int end = std::min(begin + kBlock, size());
-    squares_of(rows, begin, end, squares);
-    sum += sum_truncated(squares, end - begin, limit);
-  }
-  return sum;
+  return sum_truncated(Rows(a, points_, normals_, offsets_), padded(size()), limit, enough);
 }
 
 NormalEquations PointLines::geometric_cost(const Column& squares, double limit) const {

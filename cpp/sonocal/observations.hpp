@@ -22,33 +22,34 @@ struct Normalisation {
   Transform to_original(const Transform& a) const;
 };
 
-// A line by the middle of its segment, its direction and half its length, normalised.
-struct Needle {
-  Vector3d middle;
-  Vector3d direction;
-  double half_length;
-};
-
 // N points against N lines, as structure of arrays: each line is two planes n . y + offset = 0 with
-// orthonormal normals, so that the two residuals' squares add up to the squared distance. The arrays given
-// must outlive it.
+// orthonormal normals, so that the two residuals' squares add up to the squared distance. The line's
+// direction is the normals' cross product.
 class PointLines {
  public:
   static constexpr int kPlanes = 2;
+  // Columns are filled up to a multiple of this with rows that are on their lines wherever they are mapped.
+  static constexpr int kPadding = 16;
   using Column = Eigen::Array<double, Eigen::Dynamic, 1>;
   using Columns3 = Eigen::Array<double, Eigen::Dynamic, 3>;
 
   // points: N x 3 (w = 0 for a 2D probe), row-major, px; segments: N x 6, both end points, row-major, mm.
   PointLines(const double* points, const double* segments, int count, int dimension);
 
-  int size() const { return static_cast<int>(points_.rows()); }
+  int size() const { return size_; }
   int dimension() const { return dimension_; }  // 2: all points in the plane w = 0 before normalisation
   const Normalisation& normalisation() const { return normalisation_; }
 
   Vector3d point(int i) const { return points_.row(i).matrix(); }
-  Needle needle(int i) const;
   Vector3d normal(int i, int plane) const { return normals_[plane].row(i).matrix(); }
   double offset(int i, int plane) const { return offsets_[plane][i]; }
+  // A line by the point of it that is nearest to the origin, and its direction.
+  Vector3d direction(int i) const { return normal(i, 0).cross(normal(i, 1)); }
+  Vector3d foot(int i) const { return -(offset(i, 0) * normal(i, 0) + offset(i, 1) * normal(i, 1)); }
+
+  // Where a segment's middle is along its direction, and half its length.
+  double middle(int i) const { return middles_[i]; }
+  double half_length(int i) const { return half_lengths_[i]; }
 
   // Squared distance of every mapped point to its line.
   void squared_distances(const Transform& a, Column& out) const;
@@ -60,12 +61,12 @@ class PointLines {
   NormalEquations geometric_cost(const Column& squares, double limit) const;
 
  private:
-  int dimension_;
-  const double* segments_;
+  int size_, dimension_;
   Normalisation normalisation_;
   Columns3 points_;
   Columns3 normals_[kPlanes];
   Column offsets_[kPlanes];
+  Column middles_, half_lengths_;
 };
 
 }  // namespace sonocal

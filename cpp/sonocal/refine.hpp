@@ -1,4 +1,4 @@
-// Levenberg-Marquardt over rotation, translation and scale.
+// Levenberg-Marquardt over rotation and scale, the translation following in closed form.
 #pragma once
 
 #include "sonocal/normal_equations.hpp"

@@ -51,8 +51,7 @@ void FourRows::draw_ahead(Random& random) {
     draw_one(random, samples_[s]);
     for (int i = 0; i < 4; ++i) {
       const int row = samples_[s][i];
-      const Needle needle = rows_.needle(row);
-      const Vector3d ends[2] = {needle.middle, needle.middle + needle.direction};
+      const Vector3d foot = rows_.foot(row), ends[2] = {foot, foot + rows_.direction(row)};
       std::copy_n(rows_.point(row).data(), 2, &points[(s * 4 + i) * 2]);
       for (int end = 0; end < 2; ++end)
         std::copy_n(ends[end].data(), 3, &segments[(s * 4 + i) * 6 + 3 * end]);
@@ -77,8 +76,7 @@ int FourRows::solve(const Sample& sample, Random&, Candidates& out) {
   }
   std::array<PointOnLine, 4> problem;
   for (int i = 0; i < 4; ++i) {
-    const Needle needle = rows_.needle(sample[i]);
-    problem[i] = {rows_.point(sample[i]).head<2>(), needle.middle, needle.direction};
+    problem[i] = {rows_.point(sample[i]).head<2>(), rows_.foot(sample[i]), rows_.direction(sample[i])};
   }
   return four_points(problem, out, NoRealRoot::kRealPart);
 }
@@ -110,9 +108,8 @@ int TwoSightings::solve(const Sample& sample, Random& random, Candidates& out) c
       b += b >= a;
     }
     const Vector3d first = rows_.point(members[a]), second = rows_.point(members[b]);
-    const Needle needle = rows_.needle(members[a]);
     image[i] = {first, (second - first).normalized()};
-    needles[i] = {needle.middle, needle.direction};
+    needles[i] = {rows_.foot(members[a]), rows_.direction(members[a])};
   }
   std::array<Transform, 2> both;
   const int count = two_lines(image, needles, both);

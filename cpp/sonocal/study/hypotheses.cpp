@@ -72,8 +72,7 @@ int Hypotheses::closed_form(const Sample& sample, std::array<Transform, kMost>& 
   if (rows_.dimension() == 2) {
     std::array<PointOnLine, 4> problem;
     for (int i = 0; i < 4; ++i) {
-      const Needle needle = rows_.needle(rows[i]);
-      problem[i] = {rows_.point(rows[i]).head<2>(), needle.middle, needle.direction};
+      problem[i] = {rows_.point(rows[i]).head<2>(), rows_.foot(rows[i]), rows_.direction(rows[i])};
     }
     std::array<Transform, 4> solutions;
     const int count = four_points(problem, solutions, NoRealRoot::kRealPart);
@@ -83,9 +82,8 @@ int Hypotheses::closed_form(const Sample& sample, std::array<Transform, kMost>& 
   std::array<Line, 2> image, needles;
   for (int i = 0; i < 2; ++i) {
     const Vector3d first = rows_.point(rows[2 * i]), second = rows_.point(rows[2 * i + 1]);
-    const Needle needle = rows_.needle(rows[2 * i]);
     image[i] = {first, (second - first).normalized()};
-    needles[i] = {needle.middle, needle.direction};
+    needles[i] = {rows_.foot(rows[2 * i]), rows_.direction(rows[2 * i])};
   }
   std::array<Transform, 2> solutions;
   const int count = two_lines(image, needles, solutions);

@@ -60,7 +60,7 @@ def register(
     threshold_mm: float | Literal["auto"] = 5.0,
     sigma_px: float | None = None,
     sigma_mm: float | None = None,
-    confidence: float = 0.99999,
+    confidence: float = 0.9999,
     max_samples: int = 10_000,
     seed: int = 0,
 ) -> Registration:

@@ -35,7 +35,7 @@ def fit_point_lines(
     threshold_mm: float | Literal["auto"] = 5.0,
     sigma_px: float | None = None,
     sigma_mm: float | None = None,
-    confidence: float = 0.99999,
+    confidence: float = 0.9999,
     max_samples: int = 10_000,
     exhaustive_samples: int = 200,
     seed: int = 0,
