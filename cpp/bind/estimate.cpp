@@ -59,10 +59,11 @@ struct PyEstimate {
   bool found, converged;
   int inliers, samples;
   double threshold_mm, level_px, level_mm, least_information;
-  Out<double> rotation, translation, scales, squares, covariance;
+  Out<double> rotation, translation, scales, residuals_mm, covariance;
 };
 
 PyEstimate to_python(const Estimate& e) {
+  const PointLines::Column residuals = e.squares.sqrt();
   return {e.found,
           e.converged,
           e.inliers,
@@ -74,7 +75,7 @@ PyEstimate to_python(const Estimate& e) {
           to_numpy(e.transform.rotation),
           to_numpy(e.transform.translation),
           to_numpy(e.transform.scales),
-          to_numpy(e.squares.matrix()),
+          to_numpy(residuals.matrix()),
           to_numpy(e.covariance)};
 }
 
@@ -171,7 +172,7 @@ void bind_estimate(nb::module_& m) {
       .def_ro("rotation", &PyEstimate::rotation, owned)
       .def_ro("translation", &PyEstimate::translation, owned)
       .def_ro("scales", &PyEstimate::scales, owned)
-      .def_ro("squares", &PyEstimate::squares, owned)
+      .def_ro("residuals_mm", &PyEstimate::residuals_mm, owned)
       .def_ro("covariance", &PyEstimate::covariance, owned);
   m.def("estimate", &py_estimate, "points"_a.noconvert(), "segments"_a.noconvert(),
         "sightings"_a.noconvert().none(), "frames"_a.noconvert().none(), "targets"_a.noconvert().none(),

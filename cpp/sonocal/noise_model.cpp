@@ -31,8 +31,8 @@ struct Mapping {
   double s[3][3], t[3], a, b, squared_scale;
 };
 
-// Eigenvalues and the greater one's eigenvector (c, s) of the symmetric 2 x 2 matrix ((p, q), (q, r)) with the
-// determinant det, which its entries may no longer tell.
+// Eigenvalues and the greater one's eigenvector (c, s) of the symmetric 2 x 2 matrix ((p, q), (q, r)) with
+// the determinant det, which its entries may no longer tell.
 struct Eigen2 {
   double most, least, c, s;
 };
@@ -53,7 +53,8 @@ struct Eigen2 {
   const double x = block.x[0][i], y = block.x[1][i], z = block.x[2][i], h = block.h[i];
   double sum = h * block.offset[k][i];
   for (int axis = 0; axis < 3; ++axis)
-    sum += block.normal[k][axis][i] * (m.s[axis][0] * x + m.s[axis][1] * y + m.s[axis][2] * z + h * m.t[axis]);
+    sum +=
+        block.normal[k][axis][i] * (m.s[axis][0] * x + m.s[axis][1] * y + m.s[axis][2] * z + h * m.t[axis]);
   block.residual[k][i] = sum;
   block.weight[k][i] = 1.0 / (m.a * block.alpha[k][i] + m.b * block.beta[k][i]);
 }
@@ -81,7 +82,8 @@ SONOCAL_WIDEST_VECTORS void weigh_alike(const Mapping& given, IndependentBlock& 
 }
 
 // Points of a 2D probe: the planes turn to where the pixel noise across the needle is greatest and least.
-SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& places, IndependentBlock& block) {
+SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& places,
+                                         IndependentBlock& block) {
   const Mapping m = given;
   const int count = block.count;
 #pragma omp simd
@@ -290,7 +292,8 @@ void NoiseBlocks::split(const NoiseModel::Other& sighting) {
   const double fm = model_.mm_factor(first) * model_.mm_factor(first);
   double squared = 0;
   for (int j = 0; j < m; ++j) {
-    Combination to{Vector3d::Zero(), 0, std::max(eigen.eigenvalues()[j], 0.0) * fm, 1, first, sighting.first_row};
+    Combination to{Vector3d::Zero(),  0, std::max(eigen.eigenvalues()[j], 0.0) * fm, 1, first,
+                   sighting.first_row};
     for (int i = 0; i < m; ++i) {
       to.x += eigen.eigenvectors()(i, j) * factor[i] * rows.point(sighting.rows[i]);
       to.h += eigen.eigenvectors()(i, j) * factor[i];

@@ -133,7 +133,9 @@ class Similarity(AxisScaled):
         rotation, translation = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
         scale = np.asarray(scale, dtype=float)
         _check_parts(rotation, translation, scale)
-        super().__init__(rotation, translation, np.repeat(scale[..., None], 3, axis=-1))
+        # For one transform np.repeat would take longer than everything else here.
+        scales = np.array([float(scale)] * 3) if scale.ndim == 0 else np.repeat(scale[..., None], 3, axis=-1)
+        super().__init__(rotation, translation, scales)
 
     @property
     def scale(self) -> Array:

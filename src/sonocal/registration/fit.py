@@ -71,7 +71,7 @@ def fit_of(found: _core.Estimate, model: Model, weighting: Weighting, inlier: ND
         covariance=found.covariance,
         sigma_px=found.level_px,
         sigma_mm=found.level_mm,
-        residuals_mm=np.sqrt(found.squares),
+        residuals_mm=found.residuals_mm,
         inlier=inlier,
         threshold_mm=found.threshold_mm,
         least_information=found.least_information,

@@ -191,12 +191,13 @@ def _register_lines(
 
 
 def _line_covariance(fit: Fit) -> Array | None:
-    spare = 2 * int(fit.inlier.sum()) - PARAMETERS
+    spare = 2 * np.count_nonzero(fit.inlier) - PARAMETERS
     if spare <= 0:
         return None
     if fit.weighting == "likelihood":
         return fit.covariance
-    return fit.covariance * (float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / spare)
+    residuals = fit.residuals_mm[fit.inlier]
+    return fit.covariance * (float(residuals @ residuals) / spare)
 
 
 def _covariance(points: Array, planes: Array, similarity: Similarity) -> Array | None:

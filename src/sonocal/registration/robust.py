@@ -120,7 +120,7 @@ def fit_point_lines(
             "are matched to the right needle poses and that segments are in the probe marker's frame in mm",
             best_count=found.inliers,
         )
-    fit = fit_of(found, model, weighting, np.sqrt(found.squares) <= found.threshold_mm)
+    fit = fit_of(found, model, weighting, found.residuals_mm <= found.threshold_mm)
     if 2 * found.inliers < len(rows):
         _refuse_chance(rows, fit)
     return fit
