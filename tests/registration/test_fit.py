@@ -190,6 +190,18 @@ def test_the_likelihood_fit_is_stationary_in_the_likelihood(seed, dimension, sig
     assert newton @ np.linalg.solve(found.covariance, newton) < 0.5  # of 7 expected of a random step
 
 
+@given(st.integers(0, 2_000) | st.sampled_from([386, 390, 815, 1341, 1356, 1747]))
+def test_of_few_rows_answers_the_likeliest_is_found(seed):
+    """Several answers fit six rows of a 2D probe; refined from the truth none is likelier."""
+    sigma = 0.3, 3.0
+    scene = simulate_observations(2, 6, sigma_px=sigma[0], sigma_mm=sigma[1], seed=seed)
+    levels = {"sigma_px": sigma[0], "sigma_mm": sigma[1]}
+    found = fit(scene.observations, weighting="likelihood", threshold_mm=40.0, **levels)
+    known = refine_point_lines(scene.probe_from_image, point_line_rows(scene.observations), **levels)
+    cost = [likelihood_cost(scene.observations, one.transform, *sigma) for one in (found, known)]
+    assert cost[0] <= cost[1] + 1e-3
+
+
 def test_the_likelihood_halves_the_rotation_error_of_a_3d_probe():
     squares = {"geometric": 0.0, "likelihood": 0.0}
     for seed in range(40):
