@@ -11,6 +11,7 @@
 
 #include "bind/arrays.hpp"
 #include "sonocal/correspondences.hpp"
+#include "sonocal/white_residuals.hpp"
 
 using namespace nb::literals;
 using namespace sonocal;

@@ -22,6 +22,25 @@ struct Normalisation {
   Transform to_original(const Transform& a) const;
 };
 
+// The tangent's map from normalised to original coordinates: the rotation turns about the image's
+// centre there and about its origin here, so a turn and a growth move the origin too.
+template <int kParameters>
+Eigen::Matrix<double, kParameters, kParameters> tangent_to_original(const Transform& original,
+                                                                    const Normalisation& normalisation) {
+  const Matrix3d s = original.linear();
+  const Vector3d centre = normalisation.image_centre;
+  Eigen::Matrix<double, kParameters, kParameters> map;
+  map.setIdentity();
+  map.template block<3, 3>(3, 0) = cross_matrix(s * centre);
+  map.template block<3, 3>(3, 3) *= normalisation.size;
+  if (kParameters == 7)
+    map.template block<3, 1>(3, 6) = -s * centre;
+  else
+    for (int axis = 0; axis < kParameters - 6; ++axis)
+      map.template block<3, 1>(3, 6 + axis) = -s.col(axis) * centre[axis];
+  return map;
+}
+
 // N points against N lines, as structure of arrays: each line is two planes n . y + offset = 0 with
 // orthonormal normals, so that the two residuals' squares add up to the squared distance. The line's
 // direction is the normals' cross product.

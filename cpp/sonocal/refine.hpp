@@ -5,6 +5,9 @@
 
 namespace sonocal {
 
+// Enough for whatever converges at all.
+constexpr int kFinalIterations = 60;
+
 struct Refinement {
   Transform transform;
   double cost = 0;  // sum of squared distances

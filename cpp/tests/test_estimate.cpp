@@ -5,6 +5,7 @@
 #include "problems.hpp"
 #include "sonocal/correspondences.hpp"
 #include "sonocal/estimate.hpp"
+#include "sonocal/white_residuals.hpp"
 
 using namespace sonocal;
 

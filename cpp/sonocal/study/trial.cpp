@@ -5,12 +5,14 @@
 #include <cmath>
 #include <limits>
 
+#include "sonocal/refine.hpp"
+#include "sonocal/white_residuals.hpp"
+
 namespace sonocal {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kMostRounds = 20;
-constexpr int kIterations = 60;
 constexpr int kFewestRows = 4;  // eight equations for seven parameters
 
 // RANSAC as the paper has it (section 9): hypotheses are compared as they are.
@@ -64,7 +66,7 @@ Transform refined_on_agreeing(const PointLines& rows, const Transform& start, do
     if (round > 0 && (agreeing == before).all()) break;
     before = agreeing;
     const Refinement refined =
-        refine(rows.geometric_cost(squares, within), a, Model::kSimilarity, kIterations);
+        refine(rows.geometric_cost(squares, within), a, Model::kSimilarity, kFinalIterations);
     if (ran_away(refined.transform, a)) break;
     a = refined.transform;
   }
@@ -76,8 +78,7 @@ Transform refined_on_agreeing(const PointLines& rows, const Transform& start, do
 TrialAnswer run_trial(const Table& table, const Method& method, const Options& options) {
   TrialAnswer answer;
   const PointLines rows(table.points, table.segments, table.rows, table.dimension);
-  const Sightings sightings =
-      table.sightings ? Sightings::of_codes(table.sightings, table.rows) : Sightings::single_rows(table.rows);
+  const Sightings sightings = sightings_of(table);
   const Hypotheses hypotheses(method.solver, table.points, table.segments, rows, sightings);
   const Normalisation& units = rows.normalisation();
   const double limit = std::pow(options.threshold_mm / units.size, 2);
