@@ -25,8 +25,9 @@ def refine_point_lines(
 ) -> Fit:
     """The best transform near a start, on chosen rows; what is minimised is said at `fit_point_lines`.
 
-    Levenberg-Marquardt over rotation, translation and log scale, on the normal equations in coordinates of
-    order one: an iteration costs the same for ten rows as for a million.
+    Levenberg-Marquardt over rotation and log scale, with the translation following in closed form (variable
+    projection), on the normal equations in coordinates of order one: an iteration costs the same for ten rows
+    as for a million.
 
     Args:
         start: mm from px.
@@ -40,7 +41,7 @@ def refine_point_lines(
     Returns:
         The fit; `Fit.converged` says whether it came to rest.
 
-    Source: paper section 8.
+    Source: paper section 8; Golub and Pereyra 1973.
     """
     chosen = np.ones(len(rows), dtype=bool) if chosen is None else np.ascontiguousarray(chosen)
     found = _core.refine(
