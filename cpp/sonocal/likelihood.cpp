@@ -14,14 +14,15 @@ constexpr int kMostRounds = 50;
 constexpr int kIterationsARound = 2;
 // A thousandth of what the rows of the largest tables leave unknown, and less.
 constexpr double kConvergedMove = 1e-7;   // of the transform's entries, which are of order one
-constexpr double kConvergedLevel = 1e-4;  // of a squared level, relative
+constexpr double kConvergedLevel = 1e-5;  // of a squared level, relative
 constexpr double kMostStep = 1.4;         // of a squared level's logarithm
+constexpr double kNear = 0.5;             // a step of it that is no longer one of many
 constexpr double kLeastLevel = 1e-34;     // squared, so that noise-free rows have a weight
 constexpr double kRounding = 1e-24;       // variance, in coordinates of order one
 // How far, in standard deviations of its logarithm, the ratio of the two noises' shares in the residuals is
 // expected from one: wide enough to be forgotten when the data know better, and all there is when they do
 // not (few rows, or rows that all weigh the two alike).
-constexpr double kRatioSpread = 2.0;
+constexpr double kRatioSpread = 2.5;
 // The levels are two numbers: more sightings than this do not tell them better.
 constexpr int kSightingsForLevels = 20000;
 
@@ -209,16 +210,16 @@ class Maximiser {
   double move_levels(const Pass& pass, const Transform& at) {
     if (pass.residuals <= kParameters) return 0;
     const Vector2d newton = level_step<kParameters>(pass, at, levels_, move_px_, move_mm_);
-    // What the last step left undone tells how far this one falls short or overshoots (Anderson 1965, over
-    // one step). Where the data contradict the model steps would overshoot back and forth for ever without
-    // it.
     Vector2d step = newton;
     const Vector2d change = newton - last_newton_;
-    if (last_step_.squaredNorm() > 0 && change.squaredNorm() > 0) {
-      const double part = std::clamp(newton.dot(change) / change.squaredNorm(), -2.0, 0.9);
-      step -= part * (last_step_ + change);
+    if (newton.cwiseAbs().maxCoeff() > kNear || last_newton_.cwiseAbs().maxCoeff() > kNear) {
+      // Where the data contradict the model full steps can overshoot back and forth for ever.
+      damping_ = newton.dot(last_step_) < 0 ? 0.5 * damping_ : std::min(1.0, 1.2 * damping_);
+      step *= damping_;
+    } else if (last_step_.squaredNorm() > 0 && change.squaredNorm() > 0) {
+      // What the last step left undone tells how far this one falls short (Anderson 1965, over one step).
+      step -= std::clamp(newton.dot(change) / change.squaredNorm(), -2.0, 0.9) * (last_step_ + change);
     }
-    step = step.cwiseMax(-kMostStep).cwiseMin(kMostStep);
     last_newton_ = newton;
     last_step_ = step;
     levels_.px = std::max(levels_.px * std::exp(step[0]), kLeastLevel);
@@ -231,6 +232,7 @@ class Maximiser {
   bool move_px_, move_mm_;
   Variances levels_;
   Vector2d last_newton_ = Vector2d::Zero(), last_step_ = Vector2d::Zero();
+  double damping_ = 1;
 };
 
 }  // namespace
