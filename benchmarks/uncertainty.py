@@ -89,9 +89,7 @@ def cramer_rao_table(scenes: int) -> str:
     for dimension in (2, 3):
         for needles in (6, 10, 20, 50):
             for noise in NOISES:
-                cells = (
-                    cramer_rao(dimension, needles, noise, scenes, known) for known in (True, False)
-                )
+                cells = (cramer_rao(dimension, needles, noise, scenes, known) for known in (True, False))
                 out.append(
                     f"| {dimension}D, {needles} | {noise[0]} px, {noise[1]} mm | {' | '.join(cells)} |"
                 )

@@ -7,7 +7,8 @@
 
 namespace sonocal {
 
-// Residuals of the rows with chosen[i], made independent and of unit variance under the levels. Original units.
+// Residuals of the rows with chosen[i], made independent and of unit variance under the levels. Original
+// units.
 struct WhiteResiduals {
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian;  // M x k
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>
