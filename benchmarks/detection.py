@@ -105,11 +105,11 @@ def simulated_lines(volumes: int, seed: int) -> str:
     )
 
 
-def mapped_error(found: sc.Similarity, sweep: SimulatedSweep) -> float:
-    """Root mean square error of points mapped from all over the image, mm."""
-    size = sweep.recording.image.size_px
-    axes = [np.linspace(0, n - 1, 6) for n in size]
-    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, len(size))
+def mapped_error(found: sc.Similarity, sweep: SimulatedSweep, geometry: ProbeGeometry) -> float:
+    """Root mean square error of points mapped from all over the field of view, mm: the fan, not its box."""
+    axes = [np.linspace(0, n - 1, 24) for n in geometry.size_px]
+    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, geometry.dimension)
+    places = places[geometry.inside(places * geometry.scale_mm_per_px)]
     missed = found @ places - sweep.truth.probe_from_image @ places
     return float(np.sqrt((missed**2).sum(axis=1).mean()))
 
@@ -138,7 +138,7 @@ def end_to_end(
     for seed in seeds:
         settings = SweepOptions(frames=frames, rate_hz=rate_hz, sigma_px=sigma_px, seed=seed, **options)
         sweep = in_memory(simulate_sweep(geometry, options=settings))
-        perfect.append(mapped_error(from_true_points(sweep), sweep))
+        perfect.append(mapped_error(from_true_points(sweep), sweep, geometry))
         start = time.process_time()
         try:
             found = calibrate_recording(sweep.recording, sweep.lines)
@@ -148,7 +148,7 @@ def end_to_end(
             continue
         times.append(time.process_time() - start)
         shares.append(found.used / found.sightings)
-        errors.append(mapped_error(found.calibration.probe_from_image, sweep))
+        errors.append(mapped_error(found.calibration.probe_from_image, sweep, geometry))
         print(
             f"    seed {seed}: {errors[-1]:.3f} mm, {100 * shares[-1]:.0f} % of the images used; "
             f"true points {perfect[-1]:.3f} mm; {times[-1]:.1f} s",

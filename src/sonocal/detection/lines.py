@@ -18,7 +18,9 @@ __all__ = ["LineCandidate", "detect_lines", "line_through_slices"]
 
 COARSE_SIDE = 64
 BRIGHT = 300
-SCALES_PX = (0.8, 2.5)
+FINE_PX, WIDE_PX = 0.8, 2.5
+NOISE_BLOCK = 4
+"""Coarse voxels over which the noise is taken to be even."""
 LEAST_SCORE = 4.0
 PAIRS = 500
 NEAR_PX, SHELL_PX = 1.5, 4.0
@@ -143,22 +145,40 @@ def _bright_voxels(grey: NDArray[np.float32]) -> tuple[Array, Array, int]:
     from scipy.ndimage import gaussian_filter
 
     pool = max(1, round(max(grey.shape) / COARSE_SIDE))
-    w, v, u = (n // pool for n in grey.shape)
-    cells = grey[: w * pool, : v * pool, : u * pool].reshape(w, pool, v, pool, u, pool)
-    coarse = np.einsum("aibjck->abc", cells) / np.float32(pool**3)
+    coarse = _pooled(grey, pool)
     inside = (coarse > 0).astype(np.float32)
-    fine, wide = (
-        gaussian_filter(coarse, sigma, truncate=2.5)
-        / np.maximum(gaussian_filter(inside, sigma, truncate=2.5), 0.05)
-        for sigma in SCALES_PX
-    )
-    response = (fine - wide) * inside
-    noise = max(1.0, 1.4826 * float(np.median(np.abs(response[inside > 0])))) if inside.any() else 1.0
-    flat = response.reshape(-1)
+    fine = gaussian_filter(coarse, FINE_PX, truncate=2.5)
+    wide, weight = (gaussian_filter(part, WIDE_PX, truncate=2.0) for part in (coarse, inside))
+    response = (fine - wide / np.maximum(weight, 0.05)) * inside
+    flat = (response / _noise(response, inside)).reshape(-1)
     top = np.argpartition(-flat, min(BRIGHT, flat.size - 1))[:BRIGHT]
-    top = np.sort(top[flat[top] > LEAST_SCORE * noise])
+    top = np.sort(top[flat[top] > LEAST_SCORE])
     places = np.stack(np.unravel_index(top, response.shape)[::-1], axis=-1).astype(float)
-    return places, flat[top] / noise, pool
+    return places, flat[top].astype(float), pool
+
+
+def _noise(response: NDArray[np.float32], inside: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The noise around every voxel: under the probe's face and in bright tissue there is more of it."""
+    from scipy.ndimage import gaussian_filter
+
+    pad = [(0, -n % NOISE_BLOCK) for n in response.shape]
+    size, weight = (
+        gaussian_filter(_pooled(np.pad(part, pad), NOISE_BLOCK), 1.0) for part in (np.abs(response), inside)
+    )
+    # The mean of |x| is 0.8 standard deviations of a normal deviate.
+    local = 1.25 * size / np.maximum(weight, 0.05)
+    for axis in range(local.ndim):
+        local = np.repeat(local, NOISE_BLOCK, axis=axis)
+    return np.maximum(local[tuple(slice(n) for n in response.shape)], 1.0)
+
+
+def _pooled(values: NDArray[np.float32], pool: int) -> NDArray[np.float32]:
+    """Means over cubes."""
+    for axis in range(values.ndim):
+        count = values.shape[axis] // pool * pool
+        parts = [values[(slice(None),) * axis + (slice(k, count, pool),)] for k in range(pool)]
+        values = sum(parts[1:], start=parts[0])
+    return values / np.float32(pool**values.ndim)
 
 
 def _strongest(
