@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.detection.grey import as_grey
-from sonocal.detection.points import PointDetector
+from sonocal.detection.points import PointDetector, Progress
 from sonocal.detection.slices import slice_volume
+from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.recording import Recording
 
-__all__ = ["LineCandidate", "detect_lines", "line_through_slices"]
+__all__ = ["LineCandidate", "LineCandidates", "detect_lines", "detect_volumes", "line_through_slices"]
 
+COUNT = 3
 COARSE_SIDE = 64
 BRIGHT = 300
 FINE_PX, WIDE_PX = 0.8, 2.5
@@ -28,7 +31,7 @@ NEAR_PX, SHELL_PX = 1.5, 4.0
 REACH_PX, STEP_PX = 6, 0.5
 SECTION_PX = 3.0
 """What belongs to a line through slices."""
-CUT = 0.75
+CUT = 0.85
 CORRELATION_PX = 3.0
 """Sections closer than the point spread see the same speckle: they are not independent."""
 LEAST_LENGTH_PX = 10.0
@@ -62,8 +65,62 @@ class LineCandidate:
         return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2) / 2))
 
 
+@dataclass(frozen=True, eq=False)
+class LineCandidates:
+    """Lines that may be the needle; all have one entry a candidate, best first within a volume.
+
+    Attributes:
+        frame: (N,) index of the volume.
+        rank: (N,): 0 for the best candidate of its volume.
+        lines: (N,).
+        frames: how many volumes were looked at.
+    """
+
+    frame: NDArray[np.int64]
+    rank: NDArray[np.int64]
+    lines: tuple[LineCandidate, ...]
+    frames: int
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+
+def detect_volumes(
+    recording: Recording, *, count: int = COUNT, progress: Progress | None = None
+) -> LineCandidates:
+    """Lines in every valid volume of a recording, one volume in memory at a time.
+
+    Args:
+        recording: 3D images.
+        count: candidates a volume at the most.
+        progress: called with how many volumes are done and how many there are.
+
+    Raises:
+        InputError: there are no volumes.
+    """
+    if recording.image is None or recording.image.dimension != 3 or len(recording.frames) == 0:
+        raise InputError(f"{recording.name}: has no volumes to look for a needle in; record volumes too")
+    found: list[LineCandidate] = []
+    frame: list[int] = []
+    rank: list[int] = []
+    for i, volume in enumerate(recording.frames):
+        if recording.image_valid[i]:
+            lines = detect_lines(volume, count, name=f"{recording.name}, frame {i}")
+            found += lines
+            frame += [i] * len(lines)
+            rank += range(len(lines))
+        if progress is not None:
+            progress(i + 1, len(recording))
+    return LineCandidates(
+        np.array(frame, dtype=np.int64),
+        np.array(rank, dtype=np.int64),
+        tuple(found),
+        int(recording.image_valid.sum()),
+    )
+
+
 def detect_lines(
-    volume: NDArray[Any], count: int = 3, *, seed: int = 0, name: str = "volume"
+    volume: NDArray[Any], count: int = COUNT, *, seed: int = 0, name: str = "volume"
 ) -> list[LineCandidate]:
     """Lines in a volume, best first.
 
@@ -169,7 +226,7 @@ def _noise(response: NDArray[np.float32], inside: NDArray[np.float32]) -> NDArra
     local = 1.25 * size / np.maximum(weight, 0.05)
     for axis in range(local.ndim):
         local = np.repeat(local, NOISE_BLOCK, axis=axis)
-    return np.maximum(local[tuple(slice(n) for n in response.shape)], 1.0)
+    return np.asarray(np.maximum(local[tuple(slice(n) for n in response.shape)], 1.0))
 
 
 def _pooled(values: NDArray[np.float32], pool: int) -> NDArray[np.float32]:
@@ -178,7 +235,7 @@ def _pooled(values: NDArray[np.float32], pool: int) -> NDArray[np.float32]:
         count = values.shape[axis] // pool * pool
         parts = [values[(slice(None),) * axis + (slice(k, count, pool),)] for k in range(pool)]
         values = sum(parts[1:], start=parts[0])
-    return values / np.float32(pool**values.ndim)
+    return np.asarray(values / np.float32(pool**values.ndim), dtype=np.float32)
 
 
 def _strongest(

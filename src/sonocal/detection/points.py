@@ -178,7 +178,7 @@ def detect_points(
     if recording.image is None or recording.image.dimension != 2 or len(recording.frames) == 0:
         raise InputError(f"{recording.name}: has no 2D images to look for a needle in; record images too")
     detector = PointDetector(
-        find_mask(recording.frames) if mask is None else mask,
+        find_mask(recording.frames, name=recording.name) if mask is None else mask,
         count,
         centre=centre,
         scales_px=scales_px,

@@ -177,8 +177,8 @@ class SimulatedFrames(Frames):
         """(N,): whether the points (N, 2), one an image, are clear of other echoes, shadows and the fan's edge."""
         angles = np.linspace(0, 2 * np.pi, 8, endpoint=False)
         around = CLEAR_MM * np.column_stack([np.cos(angles), np.sin(angles)])
-        clear = self._geometry.inside(points_mm[:, None] + around).all(axis=1)
-        for index in np.flatnonzero(clear):
+        clear = np.asarray(self._geometry.inside(points_mm[:, None] + around).all(axis=1))
+        for index in np.flatnonzero(clear).tolist():
             point = points_mm[index]
             rng = np.random.default_rng([self._options.seed, 2, index])
             echoes = self._scenery.echoes(index / self._options.rate_hz, rng)

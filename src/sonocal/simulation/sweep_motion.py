@@ -21,7 +21,7 @@ TILT = 0.7
 AZIMUTH = 1.5
 """Standard deviation of the direction from which a needle enters a volume, rad about the probe's axis."""
 RIM, OFF_AXIS = 0.8, 0.65
-"""How far from a volume's axis the needle's two points are, and the needle is at the most, as shares of its half width."""
+"""Shares of a volume's half width: how far from its axis the needle's two points are, and at most the needle is."""
 
 
 class HandMotion:
