@@ -24,7 +24,7 @@ from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curv
 
 # One pixel of the paper's 0.24 mm, in voxels of the 3D probe.
 PAPER_MM_PER_PX = 0.24
-# Grey levels by which real wires stand out, of 1692: the dimmest, the 1st and the 5th percentile (the first row says so).
+# Grey levels by which 1692 real wires stand out, see the first row: the dimmest, the 1st and the 5th percentile.
 REAL_CONTRASTS = (101, 140, 173)
 
 
@@ -186,7 +186,6 @@ def end_to_end(
         try:
             found = calibrate_recording(sweep.recording, sweep.lines)
         except sc.SonocalError as error:
-            errors.append(np.inf)
             print(f"    seed {seed}: {error}")
             continue
         times.append(time.process_time() - start)
@@ -197,8 +196,10 @@ def end_to_end(
             f"true points {perfect[-1]:.3f} mm; {times[-1]:.1f} s",
             flush=True,
         )
+    refused = f", {len(seeds) - len(errors)} refused" if len(errors) < len(seeds) else ""
     return (
-        f"mapped points {np.median(errors):.3f} mm rms (median), {np.max(errors):.3f} worst, of {len(errors)} seeds "
+        f"mapped points {np.median(errors):.3f} mm rms (median), {np.max(errors):.3f} worst, "
+        f"of {len(seeds)} seeds{refused} "
         f"(true points {np.median(perfect):.3f}, {np.max(perfect):.3f}); {np.median(times):.1f} s of processor time"
     )
 
