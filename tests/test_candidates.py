@@ -88,6 +88,17 @@ PLUS_SETS = {
 }
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_of_ten_images_four_in_five_must_agree(seed):
+    scene = simulate_observations(2, 10, seed=seed)
+    table, _ = with_decoys(scene.observations, 4, hidden=0.5, seed=seed)
+    try:
+        found = calibrate_candidates(table, seed=seed)
+    except (sc.NoConsensusError, sc.DegenerateGeometryError):
+        return
+    assert found.used >= 8
+
+
 def wires(data_folder, name):
     folder = data_folder / "recordings"
     lines, fixed = read_lines(folder / f"PlusDeviceSet_{PLUS_SETS[name]}.xml")
