@@ -1,12 +1,14 @@
 """The geometry chooses among candidates: at most one of each image, and the right one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import sonocal as sc
 from sonocal.candidates import calibrate_candidates, predicted_points
-from sonocal.contact_sheet import contact_sheet, png
-from sonocal.detection import Candidates, detect_points
+from sonocal.contact_sheet import CHOSEN, contact_sheet, png
+from sonocal.detection import Candidates, detect_points, detect_volumes
 from sonocal.geometry import homogeneous_points, similarity_errors
 from sonocal.needle_sweep import calibrate_recording
 from sonocal.recording import ArrayFrames, ImageGeometry, Poses, Recording, read_lines, read_recording
@@ -14,7 +16,7 @@ from sonocal.registration.noise import residual_vectors
 from sonocal.simulation.scene import simulate_observations
 from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.ultrasound import BATH
-from sonocal.simulation.ultrasound_probe import curvilinear
+from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 
 
 def with_decoys(truth_rows, decoys, hidden, seed=0):
@@ -84,6 +86,17 @@ PLUS_SETS = {
     "fCal_Test_Calibration_3NWires": "fCal_Sim_SpatialCalibration_1.2",
     "NwirePhantomFreehand": "NwirePhantomFreehand_vtkVolumeReconstructorTest2",
 }
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_of_ten_images_four_in_five_must_agree(seed):
+    scene = simulate_observations(2, 10, seed=seed)
+    table, _ = with_decoys(scene.observations, 4, hidden=0.5, seed=seed)
+    try:
+        found = calibrate_candidates(table, seed=seed)
+    except (sc.NoConsensusError, sc.DegenerateGeometryError):
+        return
+    assert found.used >= 8
 
 
 def wires(data_folder, name):
@@ -167,3 +180,34 @@ def test_the_contact_sheet_is_a_png_that_shows_every_candidate(sweep):
     data = png(sheet)
     assert data.startswith(b"\x89PNG\r\n\x1a\n")
     assert int.from_bytes(data[16:20], "big") == sheet.shape[1]
+
+
+def test_the_contact_sheet_of_volumes_shows_their_lines_from_two_sides():
+    sweep = simulate_sweep(curvilinear_3d(48, 2.4), options=SweepOptions(frames=2, rate_hz=4, hidden_share=0))
+    found = detect_volumes(sweep.recording, count=1)
+    assert found.frame.tolist() == [0, 1]
+    plain = contact_sheet(
+        sweep.recording, replace(found, frame=found.frame[:0], rank=found.rank[:0], lines=())
+    )
+    sheet = contact_sheet(sweep.recording, found)
+    assert sheet.shape == plain.shape == (160, 4 * 320, 3)
+    changed = (sheet != plain).any(axis=(0, 2))
+    assert all(changed[k * 160 : (k + 1) * 160].any() for k in range(4))
+    assert not changed[4 * 160 :].any()
+    ends = np.concatenate([line.ends_px for line in found.lines])
+    green = contact_sheet(sweep.recording, found, (np.repeat(found.frame, 2), ends))
+    assert (green == CHOSEN).all(axis=2).any()
+
+
+def test_the_best_line_of_a_volume_lies_on_the_needle():
+    alone = SweepOptions(frames=8, rate_hz=1, sigma_px=0, hidden_share=0, compact=0, interfaces=0)
+    sweep = simulate_sweep(curvilinear_3d(64, 1.8), options=alone)
+    found = detect_volumes(sweep.recording)
+    off = []
+    for frame, line in zip(found.frame, found.lines, strict=True):
+        first, second = sweep.truth.points_px[frame]
+        along = (second - first) / np.linalg.norm(second - first)
+        off.append(np.linalg.norm(np.cross(line.ends_px - first, along), axis=1).max())
+    best = np.array(off)[found.rank == 0]
+    # One of the needles lies in the bright band under the face.
+    assert (best < 1).sum() >= 7

@@ -237,6 +237,87 @@ def test_a_recording_without_a_visible_needle_is_refused_and_its_contact_sheet_s
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["contact-sheet.png"]
 
 
+def altered(sweep, path, change):
+    """The recording with every image changed."""
+    frames = np.stack([change(np.asarray(frame)) for frame in sweep.recording.frames])
+    channels = frames.shape[3] if frames.ndim == 4 else 1
+    image = ImageGeometry(frames.shape[2:0:-1], channels, frames.dtype.name, "MF", np.eye(4))
+    write_recording(replace(sweep.recording, frames=ArrayFrames(frames), image=image), path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (np.zeros_like, "no candidate was found in 80 images"),
+        (lambda image: np.full_like(image, 90), "no candidate was found in 80 images"),
+        (lambda image: np.full_like(image, 255), "no candidate was found in 80 images"),
+        (
+            lambda image: np.random.default_rng(int(image.sum())).integers(0, 255, image.shape, np.uint8),
+            "images were tried, and so few agree by chance",
+        ),
+        (lambda image: image[::20, ::20], "frame 0: detection needs 2D images of 16 px or more a side"),
+    ],
+    ids=["black", "constant", "white", "noise", "tiny"],
+)
+def test_images_that_show_nothing_are_refused_in_one_sentence(swept, tmp_path, change, sentence):
+    sweep, paths = swept
+    path = altered(sweep, tmp_path / "bad.igs.mha", change)
+    done = run("calibrate", path, "--lines", paths[1], "-o", tmp_path / "out")
+    assert done.exit_code == 1
+    error = done.stderr.splitlines()[-1]
+    assert error.startswith("Error: bad.igs.mha")
+    assert sentence in error
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda image: np.clip(image * 1.5, 0, 255).astype(np.uint8),
+        lambda image: image.astype(np.uint16) * 200,
+        lambda image: np.repeat(image[..., None], 3, axis=2),
+    ],
+    ids=["saturated", "16 bit", "colour"],
+)
+def test_unusual_pixels_give_a_calibration_all_the_same(swept, tmp_path, change):
+    sweep, paths = swept
+    path = altered(sweep, tmp_path / "odd.igs.mha", change)
+    done = run("calibrate", path, "--lines", paths[1], "-o", tmp_path / "out", "--no-report")
+    assert done.exit_code == 0, done.output
+    assert missed(sc.load(tmp_path / "out" / "calibration.json"), sweep) < 1
+
+
+def test_volumes_are_calibrated_and_their_contact_sheet_is_written(tmp_path):
+    sweep = simulate_sweep(
+        curvilinear_3d(64, 1.8),
+        options=SweepOptions(frames=30, rate_hz=3, sigma_px=0.1, sigma_mm=0.3, seed=2),
+    )
+    paths, out = write_sweep(sweep, tmp_path), tmp_path / "out"
+    done = run("calibrate", paths[0], "--lines", paths[1], "-o", out, "--no-report")
+    assert done.exit_code == 0, done.output
+    assert sorted(p.name for p in out.iterdir()) == [
+        "calibration.json",
+        "contact-sheet.png",
+        "observations.csv",
+    ]
+    places = np.array([[32, 8, 32], [20, 30, 40], [44, 50, 24]])
+    true, found = sweep.truth.probe_from_image, sc.load(out / "calibration.json").probe_from_image
+    assert np.linalg.norm(found @ places - true @ places, axis=1).max() < 1.5
+    done = run(
+        "detect", paths[0], "--lines", paths[1], "-o", tmp_path / "c.csv", "--sheet", tmp_path / "sheet.png"
+    )
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "sheet.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_volumes_without_a_visible_needle_are_refused_and_their_contact_sheet_stays(tmp_path):
+    hidden = SweepOptions(frames=12, rate_hz=3, hidden_share=1.0)
+    paths = write_sweep(simulate_sweep(curvilinear_3d(48, 2.4), options=hidden), tmp_path)
+    done = run("calibrate", paths[0], "--lines", paths[1], "-o", tmp_path / "out")
+    assert done.exit_code == 1
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["contact-sheet.png"]
+
+
 def test_a_mask_says_where_to_look(swept, tmp_path):
     pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
     _, paths = swept

@@ -12,13 +12,13 @@ namespace {
 constexpr std::size_t kColumns = 9;
 
 Out<double> detect(BlobFilter& filter, In<float, nb::shape<-1, -1>> image, int count, double least_score,
-                   double least_contrast, double level, double split, double flatness) {
+                   double least_contrast, double level, double split, bool first_echo) {
   if (static_cast<int>(image.shape(0)) != filter.rows() || static_cast<int>(image.shape(1)) != filter.cols())
     throw nb::value_error("the image and the mask differ in shape");
   std::vector<Blob> blobs;
   {
     nb::gil_scoped_release unlocked;
-    blobs = filter.detect(image.data(), {count, least_score, least_contrast, level, split, flatness});
+    blobs = filter.detect(image.data(), {count, least_score, least_contrast, level, split, first_echo});
   }
   std::vector<double> values;
   for (const Blob& b : blobs)
@@ -39,5 +39,5 @@ void bind_detection(nb::module_& m) {
           },
           "mask"_a.noconvert(), "scales"_a, "pool"_a)
       .def("detect", &detect, "image"_a.noconvert(), "count"_a, "least_score"_a, "least_contrast"_a,
-           "level"_a, "split"_a, "flatness"_a);
+           "level"_a, "split"_a, "first_echo"_a);
 }

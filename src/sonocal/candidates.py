@@ -28,6 +28,8 @@ ENOUGH = 0.5
 """Share of the images that agree, from which no further ranks are tried."""
 CHANCE_FACTOR = 3.0
 LEAST_SIGHTINGS = 10
+LEAST_SHARE_OF_FEW = 0.8
+"""Where there are few images."""
 LEAST_SHARE = 0.15
 LEAST_SHARE_OF_MANY = 0.5
 """With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
@@ -96,6 +98,8 @@ def calibrate_candidates(
         calibration, chosen = _settle(table, calibration, threshold_mm, seed, options)
     observations = candidates_at(table.rows, chosen)
     used = len(np.unique(group_codes(observations.frame, observations.target)))
+    if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
+        raise _nothing_found(table, total, used)
     reasons = {
         "no candidate or no pose": total - table.count,
         "no candidate near the needle": table.count - used,
@@ -190,10 +194,15 @@ def _first_consensus(
             else refusal or _nothing_found(table, total, 0)
         )
     chance = CHANCE_FACTOR * _by_chance(table, best[1], threshold_mm)
-    share = LEAST_SHARE if len(np.unique(table.rows.target)) == 1 else LEAST_SHARE_OF_MANY
-    if best[0] < max(min(LEAST_SIGHTINGS, total), share * total, chance):
+    if best[0] < max(_least_agreeing(table, total), chance):
         raise _nothing_found(table, total, best[0])
     return best[1]
+
+
+def _least_agreeing(table: _Table, total: int) -> float:
+    """Sightings without which a calibration is no answer."""
+    share = LEAST_SHARE if len(np.unique(table.rows.target)) == 1 else LEAST_SHARE_OF_MANY
+    return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), share * total)
 
 
 def _by_chance(table: _Table, calibration: Calibration, threshold_mm: float) -> float:

@@ -71,7 +71,7 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
     type=click.Choice(["likelihood", "geometric"]),
     default="likelihood",
     show_default=True,
-    help="Weigh distances by the noise they carry, or all alike as the paper does.",
+    help="Weigh distances by the noise they carry, or all alike as the paper does, and as found volumes are.",
 )
 @click.option("--sigma-px", type=float, help="Noise of an image point along each axis.  [default: estimated]")
 @click.option(

@@ -21,6 +21,7 @@ from sonocal.cli_options import (
     output_folder,
     progress,
     seed,
+    typed,
 )
 
 __all__ = ["COMMANDS"]
@@ -129,7 +130,7 @@ def detect(
     At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
     """
     from sonocal.contact_sheet import contact_sheet, png
-    from sonocal.detection import detect_points, read_mask
+    from sonocal.detection import Candidates, LineCandidates, detect_points, detect_volumes, read_mask
     from sonocal.files import write_atomically
     from sonocal.needle_sweep import candidate_observations, line_observations
     from sonocal.observations import write_observations
@@ -141,14 +142,18 @@ def detect(
     known, fixed = read_lines(lines)
     options["fixed"] = fixed
     with progress("detecting") as report:
+        found: Candidates | LineCandidates
         if loaded.image is not None and loaded.image.dimension == 3:
-            table = line_observations(loaded, known, count=count, progress=report, **options)
+            found = detect_volumes(loaded, progress=report, **({"count": count} if typed(("count",)) else {}))
         else:
             drawn = None if mask is None else read_mask(mask, loaded.frames.shape[:2])
             found = detect_points(loaded, count=count, centre=centre, mask=drawn, progress=report)
-            if sheet is not None:
-                write_atomically(sheet, png(contact_sheet(loaded, found)))
-            table = candidate_observations(loaded, known, found, **options)
+    if sheet is not None:
+        write_atomically(sheet, png(contact_sheet(loaded, found)))
+    if isinstance(found, LineCandidates):
+        table = line_observations(loaded, known, found, **options)
+    else:
+        table = candidate_observations(loaded, known, found, **options)
     write_observations(table, output)
     click.echo(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
 

@@ -14,6 +14,7 @@ from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
+    from sonocal.detection import Candidates, LineCandidates
     from sonocal.observations import Observations
     from sonocal.recording import Line, Recording
     from sonocal.report import FrameImage
@@ -93,23 +94,19 @@ def _detected(
     """Find the needle in the images, and calibrate on the candidates that agree."""
     from sonocal.needle_sweep import calibrate_recording
 
-    flat = recording.image is not None and recording.image.dimension == 2
-    sheet = _Sheet(recording, output) if flat else None
-    if not typed(("threshold_mm",)):
-        options.pop("threshold_mm")  # lines that are close to one another ask for less
+    sheet = _Sheet(recording, output)
+    for name in ("threshold_mm", "weighting"):
+        if not typed((name,)):
+            options.pop(name)  # lines that are close to one another ask for less; volumes for equal weights
     with progress("detecting") as report:
-        if sheet is not None:
-            options |= sheet.detect(recorded, report)
-        else:
-            options |= _of_volumes(recording, recorded)
+        options |= sheet.detect(recorded, report)
         try:
-            found = calibrate_recording(recording, lines, progress=report, **options)
+            found = calibrate_recording(recording, lines, **options)
         except SonocalError:
-            if sheet is not None:
-                sheet.write()
+            sheet.write()
             raise
     rows = found.observations
-    return Result(rows, found.calibration, {} if sheet is None else {SHEET: sheet.png(rows)})
+    return Result(rows, found.calibration, {SHEET: sheet.png(rows)})
 
 
 def _of_volumes(recording: Recording, recorded: dict[str, Any]) -> dict[str, Any]:
@@ -129,10 +126,17 @@ class _Sheet:
 
     def detect(self, recorded: dict[str, Any], report: Any) -> dict[str, Any]:
         """Find candidates: the arguments of `calibrate_recording` that come of it."""
-        from sonocal.detection import detect_points, find_mask, read_mask
+        from sonocal.detection import detect_points, detect_volumes, find_mask, read_mask
+        from sonocal.needle_sweep import require_images
 
+        require_images(self._recording)
+        self._candidates: Candidates | LineCandidates
+        if self._recording.image is not None and self._recording.image.dimension == 3:
+            count = _of_volumes(self._recording, recorded)
+            self._candidates = detect_volumes(self._recording, progress=report, **count)
+            return {"candidates": self._candidates}
         mask = (
-            find_mask(self._recording.frames)
+            find_mask(self._recording.frames, name=self._recording.name)
             if recorded["mask"] is None
             else read_mask(recorded["mask"], self._recording.frames.shape[:2])
         )

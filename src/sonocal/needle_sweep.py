@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.calibration import Calibration, calibrate
 from sonocal.candidates import CandidateCalibration, calibrate_candidates, predicted_points
-from sonocal.detection import Candidates, PointDetector, detect_lines, detect_points, find_mask
+from sonocal.detection import (
+    Candidates,
+    LineCandidates,
+    PointDetector,
+    detect_points,
+    detect_volumes,
+    find_mask,
+)
 from sonocal.detection.points import LEAST_SCORE, Centre, Progress
 from sonocal.errors import InputError, NoConsensusError
 from sonocal.geometry import Array, AxisScaled
@@ -20,15 +27,20 @@ from sonocal.recording import Line, Recording, health
 from sonocal.recording.poses import OnInvalid
 from sonocal.sightings import Detections, observations_from_recording
 
-__all__ = ["calibrate_points", "calibrate_recording", "candidate_observations", "line_observations"]
+__all__ = [
+    "calibrate_points",
+    "calibrate_recording",
+    "candidate_observations",
+    "line_observations",
+    "require_images",
+]
 
 Fixed = Mapping[tuple[str, str], ArrayLike] | None
 
 FAINT_SHARE = 0.5
 """Of the detection's least score: near where the needle must be, a fainter place will do."""
 MANY = 25
-IMAGE_COUNT, VOLUME_COUNT = 5, 3
-"""Candidates an image, and a volume."""
+IMAGE_COUNT = 5
 THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
 SPACING_SHARE = 0.2
 """Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
@@ -86,7 +98,7 @@ def calibrate_recording(
     on_invalid: OnInvalid = "raise",
     second_look: bool = True,
     progress: Progress | None = None,
-    candidates: Candidates | None = None,
+    candidates: Candidates | LineCandidates | None = None,
     threshold_mm: float | None = None,
     **options: Any,
 ) -> CandidateCalibration:
@@ -104,46 +116,59 @@ def calibrate_recording(
         on_invalid: what to do with poses marked valid that are not rigid.
         second_look: look again near where the calibrated needle must be.
         progress: called with how many images are done and how many there are.
-        candidates: what `detect_points` found, where that was done before.
+        candidates: what `detect_points` or, in volumes, `detect_volumes` found, where that was done before.
         threshold_mm: candidates further than this from their needle are wrong; default: 5, or a fifth of the
             distance between lines of one frame, so that they are not taken for one another.
-        options: of `sonocal.calibrate`.
+        options: of `sonocal.calibrate`; in volumes `weighting` is "geometric" unless given.
 
     Raises:
         NoConsensusError: nothing in the images moves like the needle.
         InputError: the recording lacks images or poses.
     """
-    if recording.image is None or len(recording.frames) == 0:
-        raise InputError(f"{recording.name}: has no images to look for a needle in; record images too")
+    require_images(recording)
+    assert recording.image is not None
     options.setdefault("image_size_px", recording.image.size_px)
     threshold_mm = _telling_threshold(lines) if threshold_mm is None else threshold_mm
+    how: dict[str, Any] = {
+        "probe": probe,
+        "fixed": fixed,
+        "latency_s": latency_s,
+        "on_invalid": on_invalid,
+    }
+    again: _SecondLook | None = None
     if recording.image.dimension == 3:
-        table = line_observations(
-            recording,
-            lines,
-            count=count or VOLUME_COUNT,
-            probe=probe,
-            fixed=fixed,
-            latency_s=latency_s,
-            on_invalid=on_invalid,
-            progress=progress,
-        )
-        total = int(recording.image_valid.sum()) * len(lines)
-        found = calibrate_candidates(table, sightings=total, threshold_mm=threshold_mm, **options)
-        return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
-    mask = find_mask(recording.frames) if mask is None else mask
-    candidates = candidates or detect_points(
-        recording, count=count or IMAGE_COUNT, mask=mask, centre=centre, progress=progress
-    )
-    table = candidate_observations(
-        recording, lines, candidates, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
-    )
-    again = _SecondLook(recording, mask, centre, table) if second_look else None
-    total = candidates.frames * len(lines)
+        if not isinstance(candidates, LineCandidates):
+            chosen_count = {} if count is None else {"count": count}
+            candidates = detect_volumes(recording, progress=progress, **chosen_count)
+        table = line_observations(recording, lines, candidates, **how)
+        # The two ends of an image line share their needle's tracking error, which likelihoods take for independent.
+        options.setdefault("weighting", "geometric")
+    else:
+        mask = find_mask(recording.frames, name=recording.name) if mask is None else mask
+        if not isinstance(candidates, Candidates):
+            candidates = detect_points(
+                recording, count=count or IMAGE_COUNT, mask=mask, centre=centre, progress=progress
+            )
+        table = candidate_observations(recording, lines, candidates, **how)
+        again = _SecondLook(recording, mask, centre, table) if second_look else None
     found = calibrate_candidates(
-        table, sightings=total, look_again=again, threshold_mm=threshold_mm, **options
+        table,
+        sightings=candidates.frames * len(lines),
+        look_again=again,
+        threshold_mm=threshold_mm,
+        **options,
     )
     return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
+
+
+def require_images(recording: Recording) -> None:
+    """Refuses a recording without images.
+
+    Raises:
+        InputError: it has none.
+    """
+    if recording.image is None or len(recording.frames) == 0:
+        raise InputError(f"{recording.name}: has no images to look for a needle in; record images too")
 
 
 def calibrate_points(
@@ -221,54 +246,43 @@ def _telling_threshold(lines: Sequence[Line]) -> float:
 def line_observations(
     recording: Recording,
     lines: Sequence[Line],
+    candidates: LineCandidates,
     *,
-    count: int = VOLUME_COUNT,
     probe: str = "Probe",
     fixed: Fixed = None,
     latency_s: float = 0.0,
     on_invalid: OnInvalid = "raise",
-    progress: Progress | None = None,
 ) -> Observations:
-    """Lines found in volumes, two rows each: the ends of the image line; `split` is the candidate's rank.
+    """Every line found in a volume against every needle it may be: two rows, its ends; `split` is its rank.
 
     Raises:
         NoConsensusError: no volume holds a line.
         InputError: there is no pose.
     """
-    frame: list[int] = []
-    rank: list[int] = []
-    found = []
-    for i, volume in enumerate(recording.frames):
-        if recording.image_valid[i]:
-            for k, line in enumerate(detect_lines(volume, count, name=f"{recording.name}, frame {i}")):
-                frame += [i, i]
-                rank += [k, k]
-                found.append(line)
-        if progress is not None:
-            progress(i + 1, len(recording))
-    if not found:
-        raise _no_candidates(recording.name, int(recording.image_valid.sum()))
-    points = np.concatenate([line.ends_px for line in found])
-    sigma = np.concatenate([line.sigma_px for line in found])
+    if len(candidates) == 0:
+        raise _no_candidates(recording.name, candidates.frames)
+    frame, rank = np.repeat(candidates.frame, 2), np.repeat(candidates.rank, 2).astype(np.str_)
+    points = np.concatenate([line.ends_px for line in candidates.lines])
+    sigma = np.concatenate([line.sigma_px for line in candidates.lines])
     tables = []
     for needle in lines:
         sightings = observations_from_recording(
             recording,
             lines,
-            Detections(np.array(frame), points, np.full(len(frame), needle.name), sigma, recording.name),
+            Detections(frame, points, np.full(len(frame), needle.name), sigma, recording.name),
             probe=probe,
             fixed=fixed,
             latency_s=latency_s,
             on_invalid=on_invalid,
         )
-        tables.append(replace(sightings.observations, split=np.array(rank)[sightings.kept].astype(np.str_)))
+        tables.append(replace(sightings.observations, split=rank[sightings.kept]))
     return tables[0] if len(tables) == 1 else _stacked(tables)
 
 
 def _no_candidates(name: str, images: int) -> NoConsensusError:
     return NoConsensusError(
-        f"{name}: no candidate was found in {images} images; nothing in them is bright and compact: check in the "
-        "contact sheet that the needle is visible",
+        f"{name}: no candidate was found in {images} images; nothing in them stands out as a needle does: check in "
+        "the contact sheet that it is visible",
         best_count=0,
     )
 

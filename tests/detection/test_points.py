@@ -53,11 +53,25 @@ def test_brighter_blobs_come_first_and_no_more_than_asked_for():
 
 
 def test_the_first_echo_is_the_needle_and_its_tail_is_not():
-    image = grey(blob(80, 40), blob(80, 50, height=110), blob(80, 60, height=70))
-    head, _, _ = detector(centre="head").detect(image)
-    mass, _, _ = detector(centre="mass").detect(image)
-    np.testing.assert_allclose(head[0], [80, 40], atol=0.5)
-    assert mass[:, 1].max() > 42
+    delays = np.arange(5)
+    shape = (400, 400)
+    amplitude = sum(blob(180, 140 + 14 * n, sigma=9, height=0.45**n, shape=shape) for n in delays)
+    image = (255 + 255 / 60 * 20 * np.log10(np.maximum(amplitude, 1e-3))).clip(0, 255).astype(np.uint8)
+    head, _, _ = detector(shape, centre="head").detect(image)
+    mass, _, _ = detector(shape, centre="mass").detect(image)
+    np.testing.assert_allclose(head[0], [180, 140], atol=0.5)
+    assert mass[0, 1] > 142
+
+
+@pytest.mark.parametrize("slope", [-0.6, 0.0, 0.4])
+def test_an_oblique_needle_is_one_candidate_at_its_middle(slope):
+    rows, cols = np.mgrid[:240, :320]
+    off = rows - 110 - slope * (cols - 150)
+    beads = 1 + 0.05 * np.sin(0.9 * cols)
+    image = grey(170 * beads * np.exp(-0.5 * ((cols - 150) / 12.0) ** 2 - 0.5 * (off / 2.5) ** 2), floor=30)
+    points, _, _ = detector(image.shape).detect(image)
+    assert len(points) == 1
+    np.testing.assert_allclose(points[0], [150, 110], atol=1)
 
 
 def test_a_layer_does_not_fill_the_list():

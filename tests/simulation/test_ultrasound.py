@@ -144,3 +144,28 @@ def test_options_that_make_no_sense_are_refused(options, message):
 def test_an_image_without_a_size_is_refused():
     with pytest.raises(InputError, match="16 px or more"):
         ProbeGeometry((4, 4), 0.2, 50, 2)
+
+
+@pytest.mark.parametrize("geometry", PROBES, ids=["curvilinear", "linear", "3d"])
+def test_what_is_inside_is_what_beams_reach(geometry):
+    places = geometry.pixels_mm()[..., : geometry.dimension]
+    np.testing.assert_array_equal(geometry.inside(places), UltrasoundImager(geometry).inside)
+    assert not geometry.inside(places - 1000.0).any()
+
+
+def test_a_needle_beside_the_image_does_not_show():
+    geometry = curvilinear(200, 180, 0.5)
+    sweep = simulate_sweep(geometry, options=SweepOptions(frames=200, rate_hz=2, hidden_share=0, seed=3))
+    shown = geometry.inside(sweep.truth.shown_px * geometry.scale_mm_per_px)
+    np.testing.assert_array_equal(sweep.truth.visible, shown)
+    assert (sweep.truth.clear <= sweep.truth.visible).all()
+
+
+def test_a_needle_shows_all_through_a_volume():
+    """Two points of it are given, its echo reaches from one side of the fan to the other."""
+    geometry = curvilinear_3d(48, 2.0)
+    middle = geometry.point_at(0.5, 0.0)
+    segment = middle + np.outer([-1.0, 1.0], [1.0, 0.0, 0.0])
+    echo = UltrasoundImager(geometry).needle(segment, np.random.default_rng(0))
+    width = 2 * geometry.point_at(0.5, 0.9)[0] - 2 * middle[0]
+    assert np.ptp(echo.points_mm[:, 0]) > width

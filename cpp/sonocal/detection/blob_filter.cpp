@@ -19,16 +19,13 @@ float median_magnitude(const std::vector<float>& values, const std::vector<float
   return sample[sample.size() / 2];
 }
 
-constexpr double kReach = 2.5;  // of a blob's standard deviation
-constexpr double kRound = 0.4;  // ratio of curvatures that counts as round: needles cross obliquely
-constexpr double kFlattest = 0.05;
-constexpr double kLevelStep = 0.15;
-constexpr double kHighestLevel = 0.85;
-
-constexpr float kStructure = 0.4f;      // of the contrast: above it lies what a peak belongs to
-constexpr double kStructureReach = 12;  // of the scale
-constexpr double kLong = 4;             // length over breadth from which a structure is no needle's section
-constexpr double kSpare = 0.25;         // what a peak on such a structure still counts
+constexpr float kStructure = 0.4f;        // of the contrast: above it lies what a peak belongs to
+constexpr float kStructureValley = 0.7f;  // of the contrast: a deeper valley parts two structures
+constexpr double kLongest = 1.0 / 6;  // of the image's smaller side: what is longer is no needle's section
+constexpr double kSpare = 0.25;       // what a peak on such a structure still counts
+constexpr double kFar = 1.5;      // standard deviations of the cut echo, from its middle to the fitted one
+constexpr double kCutShape = 12;  // a paraboloid's shape over the second moment of its part above 0.65
+constexpr double kUsualContrast = 100;  // grey levels; speckle that stands out of even speckle has less
 constexpr int kPeaksTried = 50;         // and four a candidate asked for
 
 // Two peaks of one blob end at the same place.
@@ -46,6 +43,7 @@ BlobFilter::BlobFilter(const unsigned char* mask, int rows, int cols, std::vecto
       pool_(pool),
       small_rows_((rows + pool - 1) / pool),
       small_cols_((cols + pool - 1) / pool),
+      longest_(kLongest * std::min(rows, cols)),
       scales_(std::move(scales)),
       mask_(mask, mask + static_cast<std::size_t>(rows) * cols),
       seen_(mask_.size(), 0),
@@ -103,34 +101,16 @@ void BlobFilter::respond(double least_contrast) {
   std::fill(best_.begin(), best_.end(), 0.0f);
   for (std::size_t i = 0; i + 1 < scales_.size(); ++i) {
     for (std::size_t k = 0; k < size; ++k) scratch_[k] = levels_[i][k] - levels_[i + 1][k];
+    // A floor for images without noise: grey levels are rounded, and at wider scales the less of it is left.
     // 1.48 median |x| is a normal deviate's standard deviation, deaf to the few bright places.
-    const float noise =
-        std::max(1.4826f * median_magnitude(scratch_, weight_), static_cast<float>(least_contrast));
+    const float noise = std::max(1.4826f * median_magnitude(scratch_, weight_),
+                                 static_cast<float>(least_contrast * scales_.front() / scales_[i]));
     for (std::size_t k = 0; k < size; ++k) {
       const float score = weight_[k] > 0.5f ? scratch_[k] / noise : 0.0f;
       best_level_[k] = score > best_[k] ? static_cast<int>(i) : best_level_[k];
       best_[k] = std::max(best_[k], score);
     }
   }
-}
-
-// 1 for a blob, towards kFlattest along a line: a layer's echo is bright everywhere along it, and would
-// otherwise fill the list. Second differences over the blob's own width, so that a line's texture does not
-// make beads of it; their smaller curvature over the larger one.
-double BlobFilter::roundness(int row, int col, int level) const {
-  const int h = std::max(1, static_cast<int>(std::lround(kReach * scales_[level] / pool_)));
-  const auto value = [&](int dr, int dc) {
-    const int r = std::clamp(row + dr * h, 0, small_rows_ - 1),
-              c = std::clamp(col + dc * h, 0, small_cols_ - 1);
-    const std::size_t k = static_cast<std::size_t>(r) * small_cols_ + c;
-    return static_cast<double>(levels_[level][k] - levels_[level + 1][k]);
-  };
-  const double centre = value(0, 0);
-  const double vv = 2 * centre - value(-1, 0) - value(1, 0), uu = 2 * centre - value(0, -1) - value(0, 1);
-  const double uv = 0.25 * (value(-1, 1) + value(1, -1) - value(1, 1) - value(-1, -1));
-  const double mean = 0.5 * (uu + vv), half = std::hypot(0.5 * (uu - vv), uv);
-  if (!(mean > 0)) return kFlattest;
-  return std::clamp((mean - half) / (mean + half) / kRound, kFlattest, 1.0);
 }
 
 // Local maxima, best first, none within the width of a better one.
@@ -151,7 +131,7 @@ std::vector<BlobFilter::Peak> BlobFilter::peaks(double least_score, int most) co
           top = dr < 0 || (dr == 0 && dc < 0) ? here > there : here >= there;
         }
       const int level = best_level_[static_cast<std::size_t>(r) * n + c];
-      if (top) found.push_back({r, c, level, here * static_cast<float>(roundness(r, c, level))});
+      if (top) found.push_back({r, c, level, here});
     }
   }
   std::sort(found.begin(), found.end(), [](const Peak& a, const Peak& b) {
@@ -210,12 +190,11 @@ BlobFilter::Box BlobFilter::box_around(int pixel, double reach) const {
   return {std::max(0, r - n), std::min(rows_, r + n + 1), std::max(0, c - n), std::min(cols_, c + n + 1)};
 }
 
-// Whether a peak is the first on a compact structure. Layers and vessels' walls are long and have peaks all
-// along; without this they would fill the list.
-bool BlobFilter::stands_alone(const float* image, const Peak& peak, const Summit& top) {
-  if (taken_[top.pixel]) return false;
-  grow(image, top.pixel, top.surround + kStructure * top.contrast, 256 * top.contrast,
-       box_around(top.pixel, kStructureReach * scales_[peak.level]));
+// The structure that a peak belongs to, marked as taken: a layer, a vessel's wall or an oblique needle has
+// peaks all along and would otherwise fill the list. Returns its length, px, as far as it was followed.
+double BlobFilter::claim(const float* image, const Summit& top) {
+  grow(image, top.pixel, top.surround + kStructure * top.contrast, kStructureValley * top.contrast,
+       box_around(top.pixel, longest_));
   for (const auto& [k, low] : hill_) {
     if (!taken_[k]) marked_.push_back(k);
     taken_[k] = 1;
@@ -223,23 +202,43 @@ bool BlobFilter::stands_alone(const float* image, const Peak& peak, const Summit
   Blob whole;
   measure(image, top.surround, whole);
   const double mean = 0.5 * (whole.uu + whole.vv), half = std::hypot(0.5 * (whole.uu - whole.vv), whole.uv);
-  return mean + half < kLong * kLong * (mean - half + 1.0);
+  return 4 * std::sqrt(std::max(0.0, mean + half));
 }
 
-// The centre of mass of the hill, cut high enough to have no tail.
+// The middle of the echo: that of the paraboloid through what is bright, or the centre of mass.
 Blob BlobFilter::refine(const float* image, const Peak& peak, const Summit& top, const BlobOptions& options) {
   Blob blob;
-  const Box box = box_around(top.pixel, 4 * scales_[peak.level]);
-  for (double part = options.level;; part += kLevelStep) {
-    grow(image, top.pixel, static_cast<float>(top.surround + part * top.contrast),
-         static_cast<float>(options.split * top.contrast), box);
-    measure(image, top.surround, blob);
-    if (blob.vv <= options.flatness * blob.uu || part + kLevelStep > kHighestLevel) break;
-  }
-  blob.score = peak.score;
+  grow(image, top.pixel, static_cast<float>(top.surround + options.level * top.contrast),
+       static_cast<float>(options.split * top.contrast), box_around(top.pixel, 0.5 * longest_));
+  measure(image, top.surround, blob);
+  if (options.first_echo) place_first_echo(image, top, blob);
+  blob.score = peak.score * std::sqrt(top.contrast / kUsualContrast);
   blob.scale = scales_[peak.level];
   blob.contrast = top.contrast;
   return blob;
+}
+
+void BlobFilter::place_first_echo(const float* image, const Summit& top, Blob& blob) {
+  const int row = top.pixel / cols_, col = top.pixel % cols_;
+  echo_.clear();
+  for (const auto& [k, low] : hill_)
+    echo_.push_back({static_cast<double>(k % cols_ - col), static_cast<double>(k / cols_ - row), image[k]});
+  const EchoFit fit = fit_echo(echo_, top.contrast);
+  const double u = col + fit.u, v = row + fit.v;
+  // An extrapolated top that lies outside of what was fitted is none.
+  const bool near = std::pow(u - blob.u, 2) <= kFar * kFar * (blob.uu + 1) &&
+                    std::pow(v - blob.v, 2) <= kFar * kFar * (blob.vv + 1);
+  if (!fit.found || !near) {
+    // Too small or too uneven for a paraboloid.
+    const BlobOptions half;
+    grow(image, top.pixel, static_cast<float>(top.surround + half.level * top.contrast),
+         static_cast<float>(half.split * top.contrast), box_around(top.pixel, 0.5 * longest_));
+    measure(image, top.surround, blob);
+    blob.uu *= kCutShape, blob.uv *= kCutShape, blob.vv *= kCutShape;
+    return;
+  }
+  blob.u = u, blob.v = v;
+  blob.uu = top.contrast * fit.uu, blob.uv = top.contrast * fit.uv, blob.vv = top.contrast * fit.vv;
 }
 
 // Centre and moments of the hill, weighted by height above the surround.
@@ -262,19 +261,17 @@ void BlobFilter::measure(const float* image, float surround, Blob& blob) const {
 std::vector<Blob> BlobFilter::detect(const float* image, const BlobOptions& options) {
   pool_image(image);
   respond(options.least_contrast);
-  std::vector<Blob> blobs, spare;
+  std::vector<Blob> blobs;
   for (const Peak& peak : peaks(options.least_score, kPeaksTried + 4 * options.count)) {
-    if (static_cast<int>(blobs.size()) == options.count) break;
     const Summit top = summit(image, peak);
-    if (top.pixel < 0 || !(top.contrast > 0)) continue;
-    const bool alone = stands_alone(image, peak, top);
+    if (top.pixel < 0 || !(top.contrast > 0) || taken_[top.pixel]) continue;
+    const double length = claim(image, top);
     Blob blob = refine(image, peak, top, options);
-    if (!alone) blob.score *= kSpare;
-    if (apart(blobs, blob) && apart(spare, blob)) (alone ? blobs : spare).push_back(blob);
+    if (length > longest_) blob.score *= kSpare;
+    if (apart(blobs, blob)) blobs.push_back(blob);
   }
   for (const int k : marked_) taken_[k] = 0;
   marked_.clear();
-  blobs.insert(blobs.end(), spare.begin(), spare.end());
   std::stable_sort(blobs.begin(), blobs.end(),
                    [](const Blob& a, const Blob& b) { return a.score > b.score; });
   blobs.resize(std::min<std::size_t>(blobs.size(), options.count));

@@ -4,24 +4,26 @@
 #include <utility>
 #include <vector>
 
+#include "sonocal/detection/echo_fit.hpp"
+
 namespace sonocal {
 
 struct Blob {
   double u, v;        // px of the image; the origin is the centre of the first pixel
-  double score;       // contrast in units of the image's own noise at the blob's scale
+  double score;       // response in units of the image's own noise at its scale, more for greater contrast
   double scale;       // standard deviation of the centre's filter, px
   double contrast;    // of the peak above its surround, grey levels
-  double uu, uv, vv;  // second moments of the blob's bright part, px^2
+  double uu, uv, vv;  // px^2: second moments of the bright part, or of a first echo contrast / curvature
   double area;        // pixels of the bright part
 };
 
 struct BlobOptions {
   int count = 5;
   double least_score = 4;
-  double least_contrast = 1;  // floor of the noise, grey levels: black images have none
+  double least_contrast = 1;  // floor of the noise at the finest scale, grey levels: black images have none
   double level = 0.5;         // of the contrast, above which a pixel belongs to the blob
   double split = 0.3;         // of the contrast, the depth of a valley that ends the blob
-  double flatness = 0.5;      // greatest vv / uu; what is taller has a tail and is cut higher up
+  bool first_echo = false;    // the place of the first echo, without its reverberations
 };
 
 // Differences of Gaussians, normalised so that masked pixels and the image's border have no weight:
@@ -48,7 +50,6 @@ class BlobFilter {
   void pool_image(const float* image);
   void blur(std::vector<float>& values, double sigma);
   void respond(double least_contrast);
-  double roundness(int row, int col, int level) const;
   std::vector<Peak> peaks(double least_score, int most) const;
   struct Summit {
     int pixel;  // -1: all masked
@@ -61,10 +62,12 @@ class BlobFilter {
   void measure(const float* image, float surround, Blob& blob) const;
   Summit summit(const float* image, const Peak& peak) const;
   Box box_around(int pixel, double reach) const;
-  bool stands_alone(const float* image, const Peak& peak, const Summit& top);
+  double claim(const float* image, const Summit& top);
   Blob refine(const float* image, const Peak& peak, const Summit& top, const BlobOptions& options);
+  void place_first_echo(const float* image, const Summit& top, Blob& blob);
 
   int rows_, cols_, pool_, small_rows_, small_cols_;
+  double longest_;  // of a needle's section, px
   std::vector<double> scales_;
   std::vector<unsigned char> mask_;
   std::vector<float> weight_;                    // pooled mask, 0 to 1
@@ -74,6 +77,7 @@ class BlobFilter {
   std::vector<float> best_, scratch_, pooled_;   // best: greatest response / noise over the scales
   std::vector<int> best_level_;
   std::vector<std::pair<int, float>> hill_;  // pixel, lowest value on the way to it
+  std::vector<EchoPixel> echo_;
   std::vector<unsigned char> seen_, taken_;  // by the hill being grown; by structures of this image
   std::vector<int> marked_;                  // where taken_ is set
 };

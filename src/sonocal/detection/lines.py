@@ -10,15 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.detection.grey import as_grey
-from sonocal.detection.points import PointDetector
+from sonocal.detection.points import PointDetector, Progress
 from sonocal.detection.slices import slice_volume
+from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.recording import Recording
 
-__all__ = ["LineCandidate", "detect_lines", "line_through_slices"]
+__all__ = ["LineCandidate", "LineCandidates", "detect_lines", "detect_volumes", "line_through_slices"]
 
+COUNT = 3
 COARSE_SIDE = 64
 BRIGHT = 300
-SCALES_PX = (0.8, 2.5)
+FINE_PX, WIDE_PX = 0.8, 2.5
+NOISE_BLOCK = 4
+"""Coarse voxels over which the noise is taken to be even."""
 LEAST_SCORE = 4.0
 PAIRS = 500
 NEAR_PX, SHELL_PX = 1.5, 4.0
@@ -26,7 +31,7 @@ NEAR_PX, SHELL_PX = 1.5, 4.0
 REACH_PX, STEP_PX = 6, 0.5
 SECTION_PX = 3.0
 """What belongs to a line through slices."""
-CUT = 0.75
+CUT = 0.85
 CORRELATION_PX = 3.0
 """Sections closer than the point spread see the same speckle: they are not independent."""
 LEAST_LENGTH_PX = 10.0
@@ -60,8 +65,62 @@ class LineCandidate:
         return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2) / 2))
 
 
+@dataclass(frozen=True, eq=False)
+class LineCandidates:
+    """Lines that may be the needle; all have one entry a candidate, best first within a volume.
+
+    Attributes:
+        frame: (N,) index of the volume.
+        rank: (N,): 0 for the best candidate of its volume.
+        lines: (N,).
+        frames: how many volumes were looked at.
+    """
+
+    frame: NDArray[np.int64]
+    rank: NDArray[np.int64]
+    lines: tuple[LineCandidate, ...]
+    frames: int
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+
+def detect_volumes(
+    recording: Recording, *, count: int = COUNT, progress: Progress | None = None
+) -> LineCandidates:
+    """Lines in every valid volume of a recording, one volume in memory at a time.
+
+    Args:
+        recording: 3D images.
+        count: candidates a volume at the most.
+        progress: called with how many volumes are done and how many there are.
+
+    Raises:
+        InputError: there are no volumes.
+    """
+    if recording.image is None or recording.image.dimension != 3 or len(recording.frames) == 0:
+        raise InputError(f"{recording.name}: has no volumes to look for a needle in; record volumes too")
+    found: list[LineCandidate] = []
+    frame: list[int] = []
+    rank: list[int] = []
+    for i, volume in enumerate(recording.frames):
+        if recording.image_valid[i]:
+            lines = detect_lines(volume, count, name=f"{recording.name}, frame {i}")
+            found += lines
+            frame += [i] * len(lines)
+            rank += range(len(lines))
+        if progress is not None:
+            progress(i + 1, len(recording))
+    return LineCandidates(
+        np.array(frame, dtype=np.int64),
+        np.array(rank, dtype=np.int64),
+        tuple(found),
+        int(recording.image_valid.sum()),
+    )
+
+
 def detect_lines(
-    volume: NDArray[Any], count: int = 3, *, seed: int = 0, name: str = "volume"
+    volume: NDArray[Any], count: int = COUNT, *, seed: int = 0, name: str = "volume"
 ) -> list[LineCandidate]:
     """Lines in a volume, best first.
 
@@ -143,22 +202,40 @@ def _bright_voxels(grey: NDArray[np.float32]) -> tuple[Array, Array, int]:
     from scipy.ndimage import gaussian_filter
 
     pool = max(1, round(max(grey.shape) / COARSE_SIDE))
-    w, v, u = (n // pool for n in grey.shape)
-    cells = grey[: w * pool, : v * pool, : u * pool].reshape(w, pool, v, pool, u, pool)
-    coarse = np.einsum("aibjck->abc", cells) / np.float32(pool**3)
+    coarse = _pooled(grey, pool)
     inside = (coarse > 0).astype(np.float32)
-    fine, wide = (
-        gaussian_filter(coarse, sigma, truncate=2.5)
-        / np.maximum(gaussian_filter(inside, sigma, truncate=2.5), 0.05)
-        for sigma in SCALES_PX
-    )
-    response = (fine - wide) * inside
-    noise = max(1.0, 1.4826 * float(np.median(np.abs(response[inside > 0])))) if inside.any() else 1.0
-    flat = response.reshape(-1)
+    fine = gaussian_filter(coarse, FINE_PX, truncate=2.5)
+    wide, weight = (gaussian_filter(part, WIDE_PX, truncate=2.0) for part in (coarse, inside))
+    response = (fine - wide / np.maximum(weight, 0.05)) * inside
+    flat = (response / _noise(response, inside)).reshape(-1)
     top = np.argpartition(-flat, min(BRIGHT, flat.size - 1))[:BRIGHT]
-    top = np.sort(top[flat[top] > LEAST_SCORE * noise])
+    top = np.sort(top[flat[top] > LEAST_SCORE])
     places = np.stack(np.unravel_index(top, response.shape)[::-1], axis=-1).astype(float)
-    return places, flat[top] / noise, pool
+    return places, flat[top].astype(float), pool
+
+
+def _noise(response: NDArray[np.float32], inside: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The noise around every voxel: under the probe's face and in bright tissue there is more of it."""
+    from scipy.ndimage import gaussian_filter
+
+    pad = [(0, -n % NOISE_BLOCK) for n in response.shape]
+    size, weight = (
+        gaussian_filter(_pooled(np.pad(part, pad), NOISE_BLOCK), 1.0) for part in (np.abs(response), inside)
+    )
+    # The mean of |x| is 0.8 standard deviations of a normal deviate.
+    local = 1.25 * size / np.maximum(weight, 0.05)
+    for axis in range(local.ndim):
+        local = np.repeat(local, NOISE_BLOCK, axis=axis)
+    return np.asarray(np.maximum(local[tuple(slice(n) for n in response.shape)], 1.0))
+
+
+def _pooled(values: NDArray[np.float32], pool: int) -> NDArray[np.float32]:
+    """Means over cubes."""
+    for axis in range(values.ndim):
+        count = values.shape[axis] // pool * pool
+        parts = [values[(slice(None),) * axis + (slice(k, count, pool),)] for k in range(pool)]
+        values = sum(parts[1:], start=parts[0])
+    return np.asarray(values / np.float32(pool**values.ndim), dtype=np.float32)
 
 
 def _strongest(

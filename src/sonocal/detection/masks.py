@@ -28,7 +28,7 @@ SMALLEST_FAN = 0.25
 """Shares of the image beyond which what was found is not what it was taken for."""
 
 
-def find_mask(frames: Sequence[NDArray[Any]], dimension: int = 2) -> Mask:
+def find_mask(frames: Sequence[NDArray[Any]], dimension: int = 2, name: str = "recording") -> Mask:
     """The pixels to look at, from some images spread over a recording.
 
     A pixel that is bright and never changes is text, a ruler or a logo. Around the fan pixels are black in every
@@ -37,14 +37,15 @@ def find_mask(frames: Sequence[NDArray[Any]], dimension: int = 2) -> Mask:
     Args:
         frames: the recording's images; a few of them are read.
         dimension: 2 or 3.
+        name: what messages call the recording.
 
     Returns:
         True where to look, shaped like a frame without its colours.
     """
     index = np.unique(np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).astype(int))
-    least = greatest = as_grey(frames[int(index[0])], dimension)
+    least = greatest = as_grey(frames[int(index[0])], dimension, f"{name}, frame {index[0]}")
     for i in index[1:]:
-        grey = as_grey(frames[int(i)], dimension)
+        grey = as_grey(frames[int(i)], dimension, f"{name}, frame {i}")
         least, greatest = np.minimum(least, grey), np.maximum(greatest, grey)
     overlay = _overlay(least, greatest) if len(index) > 2 else np.zeros(least.shape, dtype=bool)
     return np.asarray(_fan((greatest > 0) & ~overlay) & ~overlay)

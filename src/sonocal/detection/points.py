@@ -30,13 +30,17 @@ FINEST_SHARE = 1 / 300
 LEAST_SCORE = 4.0
 LEAST_NOISE = 1.0
 
-# Where a blob is cut (of its contrast), how deep a valley parts it, and how tall it may be: see BlobFilter.
-CUTS: dict[str, tuple[float, float, float]] = {"head": (0.7, 0.1, 0.3), "mass": (0.2, 0.3, np.inf)}
+# Where a blob is cut (of its contrast), how deep a valley parts it, and whether its first echo is looked for.
+CUTS: dict[str, tuple[float, float, bool]] = {"head": (0.65, 0.1, True), "mass": (0.2, 0.3, False)}
 
-# Fitted to simulated sweeps: error^2 = FLOOR + SHAPE x second moment of the cut blob, by component. Along the beam
-# a first echo is harder to tell from what follows it than its sides are.
-FLOOR_PX2 = 0.02
-SHAPE = np.array([[0.007, 0.0213], [0.0213, 0.065]])
+# error^2 = FLOOR + SHAPE x shape of the blob, by component, px^2. The first echo's is fitted to simulated needles:
+# along the beam it is harder to tell from what follows than its sides are. That of the mass is fitted to what
+# PLUS's own segmentation of real wires differs by.
+FLOOR_PX2 = {"head": 0.015, "mass": 0.02}
+SHAPE = {
+    "head": np.array([[0.00027, 0.00053], [0.00053, 0.00105]]),
+    "mass": np.array([[0.007, 0.0213], [0.0213, 0.065]]),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,7 @@ class Candidates:
         frame: (N,) index of the image.
         points_px: (N, 2).
         covariance_px2: (N, 2, 2).
-        score: (N,): contrast in units of the image's own noise, less for what is long or lies on such.
+        score: (N,): contrast in units of the image's own noise, more where it is great, less for what is long.
         frames: how many images were looked at.
     """
 
@@ -130,7 +134,7 @@ class PointDetector:
             raise InputError(
                 f"{name}: is {grey.shape} where the mask is {self._shape}; give one of the same size"
             )
-        level, split, flatness = CUTS[self._centre]
+        level, split, first_echo = CUTS[self._centre]
         blobs = self._filter.detect(
             grey,
             count=self._count,
@@ -138,9 +142,13 @@ class PointDetector:
             least_contrast=LEAST_NOISE,
             level=level,
             split=split,
-            flatness=flatness,
+            first_echo=first_echo,
         )
-        return blobs[:, :2], _covariances(blobs), blobs[:, 2]
+        return blobs[:, :2], self._covariances(blobs), blobs[:, 2]
+
+    def _covariances(self, blobs: Array) -> Array:
+        shape = SHAPE[self._centre] * blobs[:, [5, 6, 6, 7]].reshape(-1, 2, 2)
+        return np.asarray(FLOOR_PX2[self._centre] * np.eye(2) + shape)
 
 
 def detect_points(
@@ -170,7 +178,7 @@ def detect_points(
     if recording.image is None or recording.image.dimension != 2 or len(recording.frames) == 0:
         raise InputError(f"{recording.name}: has no 2D images to look for a needle in; record images too")
     detector = PointDetector(
-        find_mask(recording.frames) if mask is None else mask,
+        find_mask(recording.frames, name=recording.name) if mask is None else mask,
         count,
         centre=centre,
         scales_px=scales_px,
@@ -197,8 +205,3 @@ def default_scales(shape: tuple[int, ...]) -> tuple[float, ...]:
     """Scales for an image of (rows, columns): from a small echo to one that fills a twentieth of the image."""
     finest = max(1.0, min(shape) * FINEST_SHARE)
     return tuple(finest * RATIO**i for i in range(SCALES))
-
-
-def _covariances(blobs: Array) -> Array:
-    moments = blobs[:, [5, 6, 6, 7]].reshape(-1, 2, 2)
-    return np.asarray(FLOOR_PX2 * np.eye(2) + SHAPE * moments)

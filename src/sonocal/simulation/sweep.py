@@ -70,13 +70,16 @@ class Truth:
     Attributes:
         probe_from_image: the calibration.
         points_px: (N, 2): where the needle crosses the image; (N, 2, 3) in 3D: two points of it.
-        visible: (N,): whether it shows.
-        clear: (N,): whether it shows and nothing else bright is within 5 mm of it, nor a shadow over it (2D).
+        shown_px: the same with the image point's noise: where the image shows them.
+        visible: (N,): whether it shows; a needle that passes the image's edges by does not.
+        clear: (N,): whether it shows and nothing else bright, nor the fan's edge, is within 5 mm of it, nor a
+            shadow over it (2D).
         latency_s: of the tracker behind the images.
     """
 
     probe_from_image: Similarity
     points_px: Array
+    shown_px: Array
     visible: NDArray[np.bool_]
     clear: NDArray[np.bool_]
     latency_s: float
@@ -117,6 +120,9 @@ def simulate_sweep(
         scale=options.sigma_px * geometry.scale_mm_per_px,
         size=(options.frames, geometry.dimension - 1, geometry.dimension),
     )
+    shown = _points(needle_mm + jitter, geometry)
+    if geometry.dimension == 2:
+        visible &= geometry.inside(shown * geometry.scale_mm_per_px)
     frames = SimulatedFrames(geometry, look, options, needle_mm + jitter, visible)
     recording = Recording(
         times=times,
@@ -129,9 +135,8 @@ def simulate_sweep(
     )
     points = _points(needle_mm, geometry)
     clear = visible if geometry.dimension == 3 else visible & frames.apart(points * geometry.scale_mm_per_px)
-    return SimulatedSweep(
-        recording, (NEEDLE,), Truth(probe_from_image, points, visible, clear, options.latency_s), options
-    )
+    truth = Truth(probe_from_image, points, shown, visible, clear, options.latency_s)
+    return SimulatedSweep(recording, (NEEDLE,), truth, options)
 
 
 class SimulatedFrames(Frames):
@@ -169,9 +174,12 @@ class SimulatedFrames(Frames):
         return image
 
     def apart(self, points_mm: Array) -> NDArray[np.bool_]:
-        """(N,): whether the points (N, 2), one an image, are clear of other echoes and of shadows."""
-        clear = np.ones(len(self), dtype=bool)
-        for index, point in enumerate(points_mm):
+        """(N,): whether the points (N, 2), one an image, are clear of other echoes, shadows and the fan's edge."""
+        angles = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+        around = CLEAR_MM * np.column_stack([np.cos(angles), np.sin(angles)])
+        clear = np.asarray(self._geometry.inside(points_mm[:, None] + around).all(axis=1))
+        for index in np.flatnonzero(clear).tolist():
+            point = points_mm[index]
             rng = np.random.default_rng([self._options.seed, 2, index])
             echoes = self._scenery.echoes(index / self._options.rate_hz, rng)
             clear[index] = all(

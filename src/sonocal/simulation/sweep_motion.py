@@ -18,6 +18,11 @@ SLOW_S, QUICK_S = 0.5, 0.35
 TILT = 0.7
 """Standard deviation of the needle's slope against the image's normal."""
 
+AZIMUTH = 1.5
+"""Standard deviation of the direction from which a needle enters a volume, rad about the probe's axis."""
+RIM, OFF_AXIS = 0.8, 0.65
+"""Shares of a volume's half width: how far from its axis the needle's two points are, and at most the needle is."""
+
 
 class HandMotion:
     """Motion as functions of time, defined a little beyond the sweep at both ends.
@@ -68,17 +73,20 @@ class HandMotion:
             point = self._place(values[:, 0], values[:, 1])
             direction = np.column_stack([TILT * values[:, 2:4], np.ones(len(times))])
             return point, direction / np.linalg.norm(direction, axis=1, keepdims=True), point
-        # A needle goes in at the side and lies across the volume, never along the beams for long.
-        first = self._place(values[:, 0], -1.0 + 0.5 * values[:, 1] ** 2, values[:, 2])
-        second = self._place(values[:, 3], 1.0 - 0.5 * values[:, 4] ** 2, values[:, 7])
+        # Seen from the face the needle is a chord of the view: it goes in at a side, which changes, passes the
+        # probe's axis at a distance, and is never along the beams for long.
+        azimuth, off = AZIMUTH * values[:, 1], OFF_AXIS * (2 * _uniform(values[:, 2]) - 1)
+        middle = off[:, None] * np.column_stack([-np.sin(azimuth), np.cos(azimuth)])
+        half = np.sqrt(RIM**2 - off**2)[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+        first = self._place(values[:, 0], *(middle - half).T)
+        second = self._place(values[:, 3], *(middle + half).T)
         direction = second - first
         return first, direction / np.linalg.norm(direction, axis=1, keepdims=True), second
 
-    def _place(self, depth: Array, lateral: Array, sweep: Array | float = 0.0) -> Array:
-        """A place in the fan from three normal deviates, evenly over its depth and width."""
-        if self._geometry.dimension == 3:
-            sweep = 1.6 * _uniform(np.asarray(sweep)) - 0.8
-            return self._geometry.point_at(0.15 + 0.75 * _uniform(depth), np.clip(lateral, -0.9, 0.9), sweep)
+    def _place(self, depth: Array, lateral: Array, sweep: Array | None = None) -> Array:
+        """A place in the fan: evenly over its depth, and in 2D over its width, from normal deviates."""
+        if sweep is not None:
+            return self._geometry.point_at(0.12 + 0.75 * _uniform(depth), lateral, sweep)
         return self._geometry.point_at(0.08 + 0.86 * _uniform(depth), 1.8 * _uniform(lateral) - 0.9)
 
 

@@ -151,7 +151,8 @@ class UltrasoundImager:
     def needle(self, segment_mm: Array, rng: np.random.Generator) -> Echo:
         """The echo of a needle, given by two points: bright across the beam, with a tail behind it.
 
-        A 2D image is a slab: the needle shows where it crosses, weighted with the slab's profile.
+        A 2D image is a slab: the needle shows where it crosses, weighted with the slab's profile. In a volume it
+        shows from where it enters the fan to where it leaves it.
         """
         points, weights = (
             self._crossing(segment_mm) if self.geometry.dimension == 2 else self._inside(segment_mm)
@@ -191,10 +192,9 @@ class UltrasoundImager:
     def _inside(self, segment_mm: Array) -> tuple[Array, Array]:
         # Closer than the point spread, so that the points run together; 1 is one needle's brightness.
         step = self.look.axial_mm
-        length = np.linalg.norm(segment_mm[1] - segment_mm[0])
-        points = segment_mm[0] + np.arange(0, length, step)[:, None] / length * (
-            segment_mm[1] - segment_mm[0]
-        )
+        along = (segment_mm[1] - segment_mm[0]) / np.linalg.norm(segment_mm[1] - segment_mm[0])
+        reach = 2 * (self.geometry.depth_mm + self.geometry.top_mm)
+        points = segment_mm.mean(axis=0) + np.arange(-reach, reach, step)[:, None] * along
         beams = self.geometry.beams_of(points)
         keep = ((beams >= 0) & (beams <= np.array(self.geometry.grid_shape) - 1)).all(axis=1)
         return points[keep], np.full(keep.sum(), step / (np.sqrt(2 * np.pi) * self.look.lateral_mm[1]))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.errors import InputError
 from sonocal.geometry import Array
@@ -90,6 +91,14 @@ class ProbeGeometry:
             ]
         coordinates[0] = coordinates[0] / self.depth_mm
         return np.stack([c * (n - 1) for c, n in zip(coordinates, self.grid_shape, strict=True)], axis=-1)
+
+    def inside(self, points_mm: Array) -> NDArray[np.bool_]:
+        """(...): whether points (..., dimension) lie in the image and where beams run."""
+        shown = (points_mm >= 0) & (points_mm <= (np.array(self.size_px) - 1) * self.scale_mm_per_px)
+        flat = np.zeros((*points_mm.shape[:-1], 3 - self.dimension))
+        beams = self.beams_of(np.concatenate([points_mm, flat], axis=-1))
+        reached = (beams >= 0) & (beams <= np.array(self.grid_shape) - 1)
+        return np.asarray((reached & shown).all(axis=-1))
 
     def point_at(self, depth_share: Array, lateral: Array, sweep: Array | float = 0.0) -> Array:
         """(..., 3) mm: the point at a share of the depth (0 to 1) and of the lateral extents (-1 to 1)."""

@@ -1,0 +1,67 @@
+#include "sonocal/detection/echo_fit.hpp"
+
+#include <Eigen/Dense>
+#include <cmath>
+
+namespace sonocal {
+namespace {
+
+constexpr double kWhite = 250;    // grey level from which a pixel counts as saturated
+constexpr double kBeyond = 0.05;  // of the pulse's half height: how far below the middle pixels still count
+constexpr double kLeastHeight =
+    6;  // px, from the middle to where nothing is left: flatter echoes stand apart
+constexpr int kLeastPixels = 12;
+constexpr int kRounds = 2;
+
+struct Paraboloid {
+  bool found = false;
+  Eigen::Vector2d top;
+  Eigen::Matrix2d curvature;
+};
+
+template <class Keep>
+Paraboloid fit(const std::vector<EchoPixel>& pixels, Keep keep) {
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  Vector6 right = Vector6::Zero();
+  int count = 0;
+  for (const EchoPixel& p : pixels) {
+    if (p.value >= kWhite || !keep(p)) continue;
+    const Vector6 row = (Vector6() << 1, p.u, p.v, p.u * p.u, p.u * p.v, p.v * p.v).finished();
+    normal.selfadjointView<Eigen::Lower>().rankUpdate(row);
+    right += p.value * row;
+    ++count;
+  }
+  Paraboloid out;
+  if (count < kLeastPixels) return out;
+  const Vector6 c = normal.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+  out.curvature << -c[3], -0.5 * c[4], -0.5 * c[4], -c[5];
+  const double det = out.curvature.determinant();
+  out.found = out.curvature.trace() > 0 && det > 1e-9;
+  if (out.found) out.top = 0.5 * out.curvature.inverse() * c.segment<2>(1);
+  return out;
+}
+
+}  // namespace
+
+EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast) {
+  Paraboloid echo = fit(pixels, [](const EchoPixel&) { return true; });
+  for (int round = 0; round < kRounds && echo.found; ++round) {
+    if (contrast * echo.curvature.inverse()(1, 1) < kLeastHeight * kLeastHeight) break;
+    const Eigen::Vector2d down = echo.curvature.col(1);
+    const double least = kBeyond * std::sqrt(contrast * echo.curvature(1, 1));
+    const Paraboloid upper = fit(
+        pixels, [&](const EchoPixel& p) { return down.dot(Eigen::Vector2d(p.u, p.v) - echo.top) <= least; });
+    if (!upper.found) break;
+    echo = upper;
+  }
+  EchoFit out;
+  out.found = echo.found;
+  if (!out.found) return out;
+  const Eigen::Matrix2d shape = echo.curvature.inverse();
+  out.u = echo.top[0], out.v = echo.top[1];
+  out.uu = shape(0, 0), out.uv = shape(0, 1), out.vv = shape(1, 1);
+  return out;
+}
+
+}  // namespace sonocal
