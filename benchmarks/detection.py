@@ -165,8 +165,7 @@ def from_true_points(sweep: SimulatedSweep) -> sc.Similarity:
         points.reshape(-1, points.shape[-1]),
         np.full(len(frame) * per_frame, sweep.lines[0].name),
     )
-    weighting: Any = "geometric" if per_frame > 1 else "likelihood"  # as calibrate_recording
-    found, _ = calibrate_points(sweep.recording, sweep.lines, detections, weighting=weighting)
+    found, _ = calibrate_points(sweep.recording, sweep.lines, detections)
     return found.probe_from_image
 
 

@@ -89,7 +89,10 @@ Pass pass_over(const NoiseModel& noise, const Transform& at, Variances levels, i
     pass.residuals += 2 * block.count;
     const bool loses = robustify(block, lost);
     pass.fit.add(block);
-    if (!for_levels) continue;
+    if (!for_levels) {
+      pass.fit.add_linear(block, block.pull, block.column_pull);
+      continue;
+    }
     if (loses) {
       pass.lost.add(lost);
       for (int k = 0; k < 2; ++k)
@@ -158,16 +161,20 @@ class Maximiser {
   LikelihoodFit run(const Transform& start) {
     LikelihoodFit fit;
     fit.transform = start;
-    const int few = 1 + noise_.sightings() / kSightingsForLevels;
+    bool found_levels = true;
     if (moves()) {
+      const int few =
+          1 + noise_.sightings() / kSightingsForLevels;  // the levels of a part are those of the whole
       // Nothing but rounding is left: there are no levels to find, and no better transform.
       fit.converged = guess_levels(start, few) < kRounding;
-      if (few > 1 && !fit.converged) {  // the levels of a part are those of the whole
-        alternate(start, few, fit);
-        move_px_ = move_mm_ = fit.converged = false;
-      }
+      alternate(start, few, fit);
+      found_levels = fit.converged;
+      move_px_ = move_mm_ = false;
+      // On to the transform at these levels. Both in one would let residuals that levels explain move it.
+      fit.converged = false;
     }
     alternate(start, 1, fit);
+    fit.converged = fit.converged && found_levels;
     const Normalisation& n = noise_.rows().normalisation();
     fit.levels = {std::sqrt(levels_.px) * n.image_size, std::sqrt(levels_.mm) * n.size};
     const Pass last = pass_over(noise_, fit.transform, levels_, 1, false);

@@ -69,6 +69,12 @@ struct Eigen2 {
   return std::sqrt(limit / std::max(squared, limit));
 }
 
+// Squared residual over squared variance: half the derivative of r^2 / v by v, but for the sign.
+[[gnu::always_inline]] inline double strain(const IndependentBlock& block, int k, int i) {
+  const double scaled = block.residual[k][i] * block.weight[k][i];
+  return 0.5 * block.huber[i] * scaled * scaled;
+}
+
 SONOCAL_WIDEST_VECTORS void weigh_alike(const Mapping& given, IndependentBlock& block) {
   const Mapping m = given;
 #pragma omp simd
@@ -79,6 +85,8 @@ SONOCAL_WIDEST_VECTORS void weigh_alike(const Mapping& given, IndependentBlock& 
       weigh(m, k, i, block);
       block.huber[i] = 1;
     }
+  for (auto& axis : block.pull) std::fill_n(axis, block.count, 0.0);
+  for (Vector3d& column : block.column_pull) column.setZero();
 }
 
 // Points of a 2D probe: the planes turn to where the pixel noise across the needle is greatest and least.
@@ -86,7 +94,8 @@ SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& pla
                                          IndependentBlock& block) {
   const Mapping m = given;
   const int count = block.count;
-#pragma omp simd
+  double p0 = 0, p1 = 0, p2 = 0, q0 = 0, q1 = 0, q2 = 0;
+#pragma omp simd reduction(+ : p0, p1, p2, q0, q1, q2)
   for (int i = 0; i < count; ++i) {
     const double x = block.x[0][i], y = block.x[1][i], z = block.x[2][i];
     const double n0 = block.normal[0][0][i], n1 = block.normal[0][1][i], n2 = block.normal[0][2][i];
@@ -94,8 +103,8 @@ SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& pla
     const double y0 = m.s[0][0] * x + m.s[0][1] * y + m.s[0][2] * z + m.t[0];
     const double y1 = m.s[1][0] * x + m.s[1][1] * y + m.s[1][2] * z + m.t[1];
     const double y2 = m.s[2][0] * x + m.s[2][1] * y + m.s[2][2] * z + m.t[2];
-    const double along = (n1 * m2 - n2 * m1) * y0 + (n2 * m0 - n0 * m2) * y1 + (n0 * m1 - n1 * m0) * y2;
-    const double tau = (along - places.middle[i]) / places.half_length[i];
+    const double d0 = n1 * m2 - n2 * m1, d1 = n2 * m0 - n0 * m2, d2 = n0 * m1 - n1 * m0;
+    const double tau = (d0 * y0 + d1 * y1 + d2 * y2 - places.middle[i]) / places.half_length[i];
     // N' c1 and N' c2: what a pixel along u, and along v, is across the needle.
     const double u0 = n0 * m.s[0][0] + n1 * m.s[1][0] + n2 * m.s[2][0];
     const double u1 = m0 * m.s[0][0] + m1 * m.s[1][0] + m2 * m.s[2][0];
@@ -119,7 +128,29 @@ SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& pla
     weigh(m, 0, i, block);
     weigh(m, 1, i, block);
     block.huber[i] = huber_of(squared_distance(block, i), 1);
+    const double strains[2] = {strain(block, 0, i), strain(block, 1, i)};
+    const double by_place = -(strains[0] + strains[1]) * m.b * fm * tau / places.half_length[i];
+    block.pull[0][i] = by_place * d0;
+    block.pull[1][i] = by_place * d1;
+    block.pull[2][i] = by_place * d2;
+    for (int k = 0; k < 2; ++k) {  // alpha = (n . c1)^2 + (n . c2)^2
+      const double k0 = block.normal[k][0][i], k1 = block.normal[k][1][i], k2 = block.normal[k][2][i];
+      const double by_u = -2 * strains[k] * m.a * fp * (k0 * m.s[0][0] + k1 * m.s[1][0] + k2 * m.s[2][0]);
+      const double by_v = -2 * strains[k] * m.a * fp * (k0 * m.s[0][1] + k1 * m.s[1][1] + k2 * m.s[2][1]);
+      p0 += by_u * k0, p1 += by_u * k1, p2 += by_u * k2;
+      q0 += by_v * k0, q1 += by_v * k1, q2 += by_v * k2;
+    }
   }
+  block.column_pull[0] = Vector3d(p0, p1, p2);
+  block.column_pull[1] = Vector3d(q0, q1, q2);
+  block.column_pull[2].setZero();
+}
+
+// Pixel noise of all rows grows as the squared scale does, which is a third of the columns' squares.
+void pull_scale(const Mapping& m, double strained, IndependentBlock& block) {
+  for (int column = 0; column < 3; ++column)
+    for (int axis = 0; axis < 3; ++axis)
+      block.column_pull[column][axis] = -strained * m.a * (2.0 / 3.0) * m.s[axis][column];
 }
 
 // Two points of a 3D probe's needle, the second ones behind the first ones: from points to the two
@@ -127,7 +158,8 @@ SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& pla
 SONOCAL_WIDEST_VECTORS void weigh_along(const Mapping& given, const Places& places, IndependentBlock& block) {
   const Mapping m = given;
   const int pairs = block.count / 2;
-#pragma omp simd
+  double strained = 0;
+#pragma omp simd reduction(+ : strained)
   for (int i = 0; i < pairs; ++i) {
     const int j = pairs + i;
     const double n0 = block.normal[0][0][i], n1 = block.normal[0][1][i], n2 = block.normal[0][2][i];
@@ -164,7 +196,17 @@ SONOCAL_WIDEST_VECTORS void weigh_along(const Mapping& given, const Places& plac
     }
     const double huber = huber_of(squared_distance(block, i) + squared_distance(block, j), 2);
     block.huber[i] = block.huber[j] = huber;
+    const double least = strain(block, 0, i) + strain(block, 1, i);
+    const double most = strain(block, 0, j) + strain(block, 1, j);
+    // beta = ((e . f)^2 + (e . tau)^2) / 2 for the eigenvector e
+    const double by_i = -least * m.b * fm * (e.c * tj - e.s * ti) / places.half_length[i];
+    const double by_j = -most * m.b * fm * (e.c * ti + e.s * tj) / places.half_length[i];
+    block.pull[0][i] = by_i * d0, block.pull[0][j] = by_j * d0;
+    block.pull[1][i] = by_i * d1, block.pull[1][j] = by_j * d1;
+    block.pull[2][i] = by_i * d2, block.pull[2][j] = by_j * d2;
+    strained += least + most;
   }
+  pull_scale(m, strained, block);
 }
 
 }  // namespace
@@ -255,6 +297,8 @@ void NoiseBlocks::take_pairs(IndependentBlock& block) {
 
 // One by one: they are few.
 void NoiseBlocks::take_others(IndependentBlock& block) {
+  const Mapping mapping(at_, levels_);
+  double strained = 0;
   while (block.count < kRows) {
     if (waiting_.empty()) {
       if (other_ >= model_.others_.size()) break;
@@ -269,12 +313,17 @@ void NoiseBlocks::take_others(IndependentBlock& block) {
     for (int k = 0; k < 2; ++k) {
       block.alpha[k][to] = at_.scales[0] * at_.scales[0];
       block.beta[k][to] = from.beta;
-      weigh(Mapping(at_, levels_), k, to, block);
+      weigh(mapping, k, to, block);
     }
     block.huber[to] = from.huber;
     block.first_row[to] = from.first_row;
+    const double both = strain(block, 0, to) + strain(block, 1, to);
+    const Vector3d pull = -both * levels_.mm * from.by_place * model_.rows_.direction(from.row);
+    for (int axis = 0; axis < 3; ++axis) block.pull[axis][to] = pull[axis];
+    strained += both;
     waiting_.pop_back();
   }
+  pull_scale(mapping, strained, block);
 }
 
 void NoiseBlocks::split(const NoiseModel::Other& sighting) {
@@ -292,7 +341,8 @@ void NoiseBlocks::split(const NoiseModel::Other& sighting) {
   const double fm = model_.mm_factor(first) * model_.mm_factor(first);
   double squared = 0;
   for (int j = 0; j < m; ++j) {
-    Combination to{Vector3d::Zero(),  0, std::max(eigen.eigenvalues()[j], 0.0) * fm, 1, first,
+    const double by_place = fm * eigen.eigenvectors().col(j).dot(tau) / rows.half_length(first);
+    Combination to{Vector3d::Zero(),  0, std::max(eigen.eigenvalues()[j], 0.0) * fm, by_place, 1, first,
                    sighting.first_row};
     for (int i = 0; i < m; ++i) {
       to.x += eigen.eigenvectors()(i, j) * factor[i] * rows.point(sighting.rows[i]);

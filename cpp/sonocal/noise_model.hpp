@@ -34,6 +34,11 @@ struct IndependentBlock : Block {
   alignas(64) double beta[2][kRows];
   alignas(64) double huber[kRows];  // sightings that are too far off count less by this
   int first_row[kRows];             // the table's first row of the sighting
+
+  // Of sum r^2 / v half the derivative through the variances v: by S x + h t of every row, and by the columns
+  // of S besides. A fit that leaves it out takes noise along a needle or in a point for a reason to shrink.
+  alignas(64) double pull[3][kRows];
+  Vector3d column_pull[3];
 };
 
 // Sightings as independent rows.
@@ -98,7 +103,7 @@ class NoiseBlocks {
   // Of one needle's points, independent of its other combinations.
   struct Combination {
     Vector3d x;
-    double h, beta, huber;
+    double h, beta, by_place, huber;  // by_place: derivative of beta by where it is along the needle
     int row, first_row;
   };
 

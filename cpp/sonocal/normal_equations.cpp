@@ -64,13 +64,14 @@ SONOCAL_WIDEST_VECTORS void sum_products(const double* x, const double* y, const
   out[0] = s0, out[1] = s1, out[2] = s2, out[3] = s3, out[4] = s4, out[5] = s5;
 }
 
-SONOCAL_WIDEST_VECTORS void sum_offsets(const double* x, const Products& p, int count, double* out) {
+SONOCAL_WIDEST_VECTORS void sum_offsets(const double* x, const double (*b)[Block::kRows], int count,
+                                        double* out) {
   double s0 = 0, s1 = 0, s2 = 0;
 #pragma omp simd reduction(+ : s0, s1, s2)
   for (int i = 0; i < count; ++i) {
-    s0 += x[i] * p.b[0][i];
-    s1 += x[i] * p.b[1][i];
-    s2 += x[i] * p.b[2][i];
+    s0 += x[i] * b[0][i];
+    s1 += x[i] * b[1][i];
+    s2 += x[i] * b[2][i];
   }
   out[0] = s0, out[1] = s1, out[2] = s2;
 }
@@ -106,7 +107,7 @@ void NormalEquations::add(const Block& block) {
   double q[6], b[3];
   for (int i = 0; i < 4; ++i) {
     if (i == 2 && dimension_ == 2) continue;
-    sum_offsets(x[i], products, block.count, b);
+    sum_offsets(x[i], products.b, block.count, b);
     g_.segment<3>(3 * i) += Vector3d(b[0], b[1], b[2]);
     for (int j = i; j < 4; ++j) {
       if (j == 2 && dimension_ == 2) continue;
@@ -116,6 +117,18 @@ void NormalEquations::add(const Block& block) {
       h_.block<3, 3>(3 * i, 3 * j) += sum;
       if (i != j) h_.block<3, 3>(3 * j, 3 * i) += sum;
     }
+  }
+}
+
+void NormalEquations::add_linear(const Block& block, const double (*pull)[Block::kRows],
+                                 const Vector3d* columns) {
+  const double* x[4] = {block.x[0], block.x[1], block.x[2], block.h};
+  for (int i = 0; i < 4; ++i) {
+    if (i == 2 && dimension_ == 2) continue;
+    double sum[3];
+    sum_offsets(x[i], pull, block.count, sum);
+    g_.segment<3>(3 * i) += Vector3d(sum[0], sum[1], sum[2]);
+    if (i < 3) g_.segment<3>(3 * i) += columns[i];
   }
 }
 

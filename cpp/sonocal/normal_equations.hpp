@@ -73,6 +73,8 @@ class NormalEquations {
   explicit NormalEquations(int dimension) : dimension_(dimension) {}
 
   void add(const Block& block);
+  // Twice a term linear in S x + h t of every row, and in the columns of S.
+  void add_linear(const Block& block, const double (*pull)[Block::kRows], const Vector3d* columns);
 
   int rows() const { return rows_; }
   int dimension() const { return dimension_; }

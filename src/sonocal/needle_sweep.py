@@ -119,7 +119,7 @@ def calibrate_recording(
         candidates: what `detect_points` or, in volumes, `detect_volumes` found, where that was done before.
         threshold_mm: candidates further than this from their needle are wrong; default: 5, or a fifth of the
             distance between lines of one frame, so that they are not taken for one another.
-        options: of `sonocal.calibrate`; in volumes `weighting` is "geometric" unless given.
+        options: of `sonocal.calibrate`.
 
     Raises:
         NoConsensusError: nothing in the images moves like the needle.
@@ -141,8 +141,6 @@ def calibrate_recording(
             chosen_count = {} if count is None else {"count": count}
             candidates = detect_volumes(recording, progress=progress, **chosen_count)
         table = line_observations(recording, lines, candidates, **how)
-        # The two ends of an image line share their needle's tracking error, which likelihoods take for independent.
-        options.setdefault("weighting", "geometric")
     else:
         mask = find_mask(recording.frames, name=recording.name) if mask is None else mask
         if not isinstance(candidates, Candidates):

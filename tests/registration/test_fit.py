@@ -151,8 +151,12 @@ def test_no_consensus_says_how_many_rows_agreed_at_best():
 # The likelihood's weights
 
 
-def likelihood_cost(rows, transform, sigma_px, sigma_mm):
-    """Minus twice the log likelihood of the residuals, but for constants, with dense covariance matrices."""
+def likelihood_cost(rows, transform, sigma_px, sigma_mm, *, size=True):
+    """Minus twice the log likelihood of the residuals, but for constants, with dense covariance matrices.
+
+    Without what the residuals' own size says (`size`), it is the least squared change, in standard deviations, of
+    points and needles that brings them together.
+    """
     cost = 0.0
     for sighting in np.unique(rows.sightings):
         members = np.flatnonzero(rows.sightings == sighting)
@@ -167,27 +171,27 @@ def likelihood_cost(rows, transform, sigma_px, sigma_mm):
         columns = basis @ (transform.rotation * transform.scales)[:, : rows.dimension]
         pixels = sigma_px**2 * np.kron(np.eye(len(members)), columns @ columns.T)
         residual = ((mapped - start) @ basis.T).ravel()
-        cost += (
-            residual @ np.linalg.solve(tracking + pixels, residual) + np.linalg.slogdet(tracking + pixels)[1]
-        )
+        cost += residual @ np.linalg.solve(tracking + pixels, residual)
+        if size:
+            cost += np.linalg.slogdet(tracking + pixels)[1]
     return cost
 
 
 @given(seeds, dimensions, st.sampled_from([(1, 1), (3, 0.3), (0.3, 3)]))
-def test_the_likelihood_fit_is_stationary_in_the_likelihood(seed, dimension, sigma):
-    """Up to what the size of residuals says of the transform through their variance, which the fit leaves aside."""
+def test_the_likelihood_fit_changes_points_and_needles_least(seed, dimension, sigma):
+    """To first order in the noise; and the variances move with the transform, or it would shrink the image."""
     rows = simulate_observations(dimension, 30, sigma_px=sigma[0], sigma_mm=sigma[1], seed=seed).observations
     options = {"sigma_px": sigma[0], "sigma_mm": sigma[1], "threshold_mm": 100}
     found, start = fit(rows, weighting="likelihood", **options), fit(rows)
     assert found.converged
 
     def cost(transform):
-        return likelihood_cost(rows, transform, *sigma)
+        return likelihood_cost(rows, transform, *sigma, size=False)
 
     assert cost(found.transform) <= cost(start.transform) + 0.05
     gradient = numeric_jacobian(lambda d: cost(retract(found.transform, d)), 7)
     newton = found.covariance @ gradient / 2
-    assert newton @ np.linalg.solve(found.covariance, newton) < 0.5  # of 7 expected of a random step
+    assert newton @ np.linalg.solve(found.covariance, newton) < 0.01  # of 7 expected of a random step
 
 
 @given(st.integers(0, 2_000) | st.sampled_from([386, 390, 815, 1341, 1356, 1747]))
