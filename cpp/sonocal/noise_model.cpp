@@ -85,8 +85,6 @@ SONOCAL_WIDEST_VECTORS void weigh_alike(const Mapping& given, IndependentBlock& 
       weigh(m, k, i, block);
       block.huber[i] = 1;
     }
-  for (auto& axis : block.pull) std::fill_n(axis, block.count, 0.0);
-  for (Vector3d& column : block.column_pull) column.setZero();
 }
 
 // Points of a 2D probe: the planes turn to where the pixel noise across the needle is greatest and least.
@@ -94,8 +92,7 @@ SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& pla
                                          IndependentBlock& block) {
   const Mapping m = given;
   const int count = block.count;
-  double p0 = 0, p1 = 0, p2 = 0, q0 = 0, q1 = 0, q2 = 0;
-#pragma omp simd reduction(+ : p0, p1, p2, q0, q1, q2)
+#pragma omp simd
   for (int i = 0; i < count; ++i) {
     const double x = block.x[0][i], y = block.x[1][i], z = block.x[2][i];
     const double n0 = block.normal[0][0][i], n1 = block.normal[0][1][i], n2 = block.normal[0][2][i];
@@ -128,22 +125,7 @@ SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& pla
     weigh(m, 0, i, block);
     weigh(m, 1, i, block);
     block.huber[i] = huber_of(squared_distance(block, i), 1);
-    const double strains[2] = {strain(block, 0, i), strain(block, 1, i)};
-    const double by_place = -(strains[0] + strains[1]) * m.b * fm * tau / places.half_length[i];
-    block.pull[0][i] = by_place * d0;
-    block.pull[1][i] = by_place * d1;
-    block.pull[2][i] = by_place * d2;
-    for (int k = 0; k < 2; ++k) {  // alpha = (n . c1)^2 + (n . c2)^2
-      const double k0 = block.normal[k][0][i], k1 = block.normal[k][1][i], k2 = block.normal[k][2][i];
-      const double by_u = -2 * strains[k] * m.a * fp * (k0 * m.s[0][0] + k1 * m.s[1][0] + k2 * m.s[2][0]);
-      const double by_v = -2 * strains[k] * m.a * fp * (k0 * m.s[0][1] + k1 * m.s[1][1] + k2 * m.s[2][1]);
-      p0 += by_u * k0, p1 += by_u * k1, p2 += by_u * k2;
-      q0 += by_v * k0, q1 += by_v * k1, q2 += by_v * k2;
-    }
   }
-  block.column_pull[0] = Vector3d(p0, p1, p2);
-  block.column_pull[1] = Vector3d(q0, q1, q2);
-  block.column_pull[2].setZero();
 }
 
 // Pixel noise of all rows grows as the squared scale does, which is a third of the columns' squares.
