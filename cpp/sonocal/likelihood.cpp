@@ -22,7 +22,7 @@ constexpr double kRounding = 1e-24;       // variance, in coordinates of order o
 // How far, in standard deviations of its logarithm, the ratio of the two noises' shares in the residuals is
 // expected from one: wide enough to be forgotten when the data know better, and all there is when they do
 // not (few rows, or rows that all weigh the two alike).
-constexpr double kRatioSpread = 2.5;
+constexpr double kRatioSpread = 2.0;
 // The levels are two numbers: more sightings than this do not tell them better.
 constexpr int kSightingsForLevels = 20000;
 
