@@ -93,6 +93,28 @@ def monomials() -> tuple[dict[tuple[int, ...], int], int]:
 COLUMN, ELIMINATED = monomials()
 
 
+def from_action(
+    action: np.ndarray, unknowns: list[int], basis: np.ndarray, scale_px: float, scale_mm: float
+) -> list[np.ndarray]:
+    """Similarities from an action matrix: its eigenvectors hold the null space's coefficients, the last of them 1."""
+    if not np.isfinite(action).all():
+        return []
+    values, vectors = np.linalg.eig(action)
+    out = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag < 0:
+            continue
+        a = basis @ (vector / vector[unknowns[-1]]).real[unknowns]
+        a = a / a[-1]
+        columns, translation = a[:-4].reshape(-1, 3).T, a[-4:-1]
+        found = similarity(
+            columns * scale_mm / scale_px, translation * scale_mm, planar=columns.shape[1] == 2
+        )
+        if found is not None:
+            out.append(found)
+    return out
+
+
 def two_lines(points: np.ndarray, segments: np.ndarray) -> list[np.ndarray]:
     """2line3D: paper section 5.3, eq. (12)-(17), with the real part of complex solutions."""
     scale_px, scale_mm = np.abs(points).max(), np.abs(segments).max()
@@ -122,20 +144,7 @@ def two_lines(points: np.ndarray, segments: np.ndarray) -> list[np.ndarray]:
     action = np.zeros((8, 8))
     action[:5] = reduced
     action[5, 0] = action[6, 1] = action[7, 5] = 1
-    if not np.isfinite(action).all():
-        return []
-    values, vectors = np.linalg.eig(action)
-    out = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value.imag < 0:
-            continue
-        v = (vector / vector[7]).real
-        a = basis @ np.array([v[6], v[5], v[4], v[3], v[2], 1.0])
-        a = a / a[12]
-        found = similarity(a[:9].reshape(3, 3).T * scale_mm / scale_px, a[9:12] * scale_mm, planar=False)
-        if found is not None:
-            out.append(found)
-    return out
+    return from_action(action, [6, 5, 4, 3, 2, 7], basis, scale_px, scale_mm)
 
 
 def four_points(points: np.ndarray, segments: np.ndarray) -> list[np.ndarray]:
@@ -169,20 +178,7 @@ def four_points(points: np.ndarray, segments: np.ndarray) -> list[np.ndarray]:
     except np.linalg.LinAlgError:
         return []
     action = np.vstack([reduced, [1, 0, 0, 0], [0, 1, 0, 0]])
-    if not np.isfinite(action).all():
-        return []
-    values, vectors = np.linalg.eig(action)
-    out = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value.imag < 0:
-            continue
-        v = (vector / vector[3]).real
-        a = basis @ np.array([v[2], v[1], 1.0])
-        a = a / a[9]
-        found = similarity(a[:6].reshape(2, 3).T * scale_mm / scale_px, a[6:9] * scale_mm, planar=True)
-        if found is not None:
-            out.append(found)
-    return out
+    return from_action(action, [2, 1, 3], basis, scale_px, scale_mm)
 
 
 def closed_form(points: np.ndarray, segments: np.ndarray) -> list[np.ndarray]:

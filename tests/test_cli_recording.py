@@ -68,6 +68,17 @@ def points_csv(sweep, path, noise_px=0.5):
     return path
 
 
+def calibrated_with_sheet(paths, out):
+    """The command's run on a recording and its needle, which writes these files and no others."""
+    done = run("calibrate", paths[0], "--lines", paths[1], "-o", out, "--no-report")
+    assert done.exit_code == 0, done.output
+    assert sorted(p.name for p in out.iterdir()) == [
+        "calibration.json",
+        "contact-sheet.png",
+        "observations.csv",
+    ]
+
+
 def missed(calibration, sweep):
     places = np.array([[0, 0], [249, 0], [0, 249], [249, 249], [125, 125]])
     apart = calibration.probe_from_image @ places - sweep.truth.probe_from_image @ places
@@ -77,13 +88,7 @@ def missed(calibration, sweep):
 def test_a_recording_and_a_needle_are_enough(swept, tmp_path):
     sweep, paths = swept
     out = tmp_path / "out"
-    done = run("calibrate", paths[0], "--lines", paths[1], "-o", out, "--no-report")
-    assert done.exit_code == 0, done.output
-    assert sorted(p.name for p in out.iterdir()) == [
-        "calibration.json",
-        "contact-sheet.png",
-        "observations.csv",
-    ]
+    calibrated_with_sheet(paths, out)
     found = sc.load(out / "calibration.json")
     assert missed(found, sweep) < 0.6
     recorded = found.provenance["recorded"]
@@ -293,13 +298,7 @@ def test_volumes_are_calibrated_and_their_contact_sheet_is_written(tmp_path):
         options=SweepOptions(frames=30, rate_hz=3, sigma_px=0.1, sigma_mm=0.3, seed=2),
     )
     paths, out = write_sweep(sweep, tmp_path), tmp_path / "out"
-    done = run("calibrate", paths[0], "--lines", paths[1], "-o", out, "--no-report")
-    assert done.exit_code == 0, done.output
-    assert sorted(p.name for p in out.iterdir()) == [
-        "calibration.json",
-        "contact-sheet.png",
-        "observations.csv",
-    ]
+    calibrated_with_sheet(paths, out)
     places = np.array([[32, 8, 32], [20, 30, 40], [44, 50, 24]])
     true, found = sweep.truth.probe_from_image, sc.load(out / "calibration.json").probe_from_image
     assert np.linalg.norm(found @ places - true @ places, axis=1).max() < 1.5
