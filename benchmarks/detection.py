@@ -129,16 +129,17 @@ def simulated_lines(volumes: int, seed: int) -> str:
             off = line.ends_px - truth[0]
             off = off - np.outer(off @ along, along)
             angle = np.degrees(np.arccos(min(1.0, abs(line.direction @ along))))
-            scored.append(
-                (angle + np.linalg.norm(off.mean(0)), angle, np.linalg.norm(off.mean(0)), off, line.sigma_px)
-            )
-        _, angle, offset, off, sigma = (
+            distance = np.linalg.norm(off.mean(0))
+            scored.append((angle + distance, angle, distance, off, line.covariance_px2))
+        _, angle, offset, off, covariance = (
             min(scored, key=lambda s: s[0]) if scored else (0, 90.0, np.inf, None, None)
         )
         angles.append(angle)
         offsets.append(offset)
         if offset < 2 and angle < 3:
-            squares.append(np.mean((off**2).sum(axis=1) / 2 / sigma**2))
+            # An end has two components across the line: the covariance has rank two.
+            ends = zip(off, covariance, strict=True)
+            squares.append(np.mean([o @ np.linalg.pinv(c, 1e-6) @ o / 2 for o, c in ends]))
     return (
         f"median {np.median(angles):.2f} deg, {np.median(offsets):.2f} voxel, "
         f"{100 * len(squares) / volumes:.0f} % found; "

@@ -33,7 +33,7 @@ LEAST_SHARE_OF_FEW = 0.8
 LEAST_SHARE = 0.15
 LEAST_SHARE_OF_MANY = 0.5
 """With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
-TIGHTNESS = 3.5
+TIGHTNESS = 4.0
 """Standard deviations of the residuals within which a candidate is the needle, once a calibration is known."""
 
 LookAgain = Callable[[AxisScaled, float], Observations]

@@ -148,9 +148,9 @@ def calibrate_recording(
                 recording, count=count or IMAGE_COUNT, mask=mask, centre=centre, progress=progress
             )
         table = candidate_observations(recording, lines, candidates, **how)
-        again = _SecondLook(recording, mask, centre, table) if second_look else None
+        again = _SecondLook(recording, mask, centre, _levels_estimated(table)) if second_look else None
     found = calibrate_candidates(
-        table,
+        _levels_estimated(table),
         sightings=candidates.frames * len(lines),
         look_again=again,
         threshold_mm=threshold_mm,
@@ -293,7 +293,7 @@ class _SecondLook:
     ) -> None:
         self._recording, self._table = recording, table
         self._detector = PointDetector(mask, MANY, centre=centre, least_score=FAINT_SHARE * LEAST_SCORE)
-        self._last: tuple[int, Array, Array] | None = None
+        self._last: tuple[int, Array] | None = None
 
     def __call__(self, probe_from_image: AxisScaled, threshold_mm: float) -> Observations:
         table, sightings = self._table, self._table.sightings
@@ -316,26 +316,33 @@ class _SecondLook:
 
     def _look(self, row: int, place: Array, reach_px: float) -> Observations:
         frame = int(self._table.frame[row])
-        points, covariances = self._found(frame)
+        points = self._found(frame)
         near = np.flatnonzero(np.linalg.norm(points - place, axis=1) <= reach_px)
-        like = self._table.select(np.full(len(near), row))
-        sigma = np.sqrt(np.trace(covariances[near], axis1=1, axis2=2) / 2)
-        return replace(like, points_px=points[near], sigma_px=sigma)
+        return replace(self._table.select(np.full(len(near), row)), points_px=points[near])
 
-    def _found(self, frame: int) -> tuple[Array, Array]:
+    def _found(self, frame: int) -> Array:
         """What is in an image, whose wires follow one another."""
         if self._last is None or self._last[0] != frame:
-            points, covariances, _ = self._detector.detect(self._recording.frames[frame])
-            self._last = frame, points, covariances
-        return self._last[1:]
+            self._last = frame, self._detector.detect(self._recording.frames[frame])[0]
+        return self._last[1]
+
+
+def _levels_estimated(candidates: Observations) -> Observations:
+    """The candidates without how well their echoes were placed: echo and needle part by more than that.
+
+    A needle bends and sound is refracted. Taken for all of the image's noise, the detector's share would leave the
+    rest to the tracker, and so to the wrong sightings.
+    """
+    return replace(candidates, sigma_px=None)
 
 
 def _stacked(tables: Sequence[Observations]) -> Observations:
     """Tables one after the other, their rows in the order of frames."""
     points = np.concatenate([t.points_px for t in tables])
     order = np.argsort(np.concatenate([t.frame for t in tables]), kind="stable")
+    names = ["segments_mm", "frame", "target", "split"]
+    names += ["sigma_px"] if tables[0].sigma_px is not None else []
     columns: dict[str, Any] = {
-        name: np.concatenate([getattr(t, name) for t in tables])[order]
-        for name in ("segments_mm", "frame", "target", "split", "sigma_px")
+        name: np.concatenate([getattr(t, name) for t in tables])[order] for name in names
     }
     return Observations(points_px=points[order], source=tables[0].source, **columns)

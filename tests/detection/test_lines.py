@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sonocal import InputError
-from sonocal.detection import detect_lines, line_through_slices, slice_volume
+from sonocal.detection import LineCandidate, detect_lines, line_through_slices, slice_volume
+from sonocal.detection.line_fit import bright_sections, fit_line
 
 SIDE = 64
 
@@ -19,6 +20,20 @@ def tube(first, second, noise=3.0, seed=0):
     volume = 60 + 150 * np.exp(-0.5 * squares / 1.5**2)
     volume += np.random.default_rng(seed).normal(scale=noise, size=volume.shape)
     return volume.clip(0, 255).astype(np.uint8)
+
+
+def tailed(first, second, tail, volume_side=SIDE):
+    """Log-compressed pulses along a segment, each followed by two weaker ones towards `tail`, indexed [w, v, u]."""
+    w, v, u = np.mgrid[:volume_side, :volume_side, :volume_side]
+    points = np.stack([u, v, w], axis=-1) - np.asarray(first, dtype=float)
+    along = np.subtract(second, first).astype(float)
+    amplitude = np.full(points.shape[:3], 10 ** (-40 / 20))
+    for order in range(3):
+        offset = points - order * 1.8 * np.asarray(tail)
+        t = np.clip(offset @ along / (along @ along), 0, 1)
+        squares = ((offset - t[..., None] * along) ** 2).sum(-1)
+        amplitude += 10 ** (-7 * order / 20) * 0.8 * np.exp(-0.5 * squares / 0.7**2)
+    return (255 * (1 + 20 * np.log10(amplitude) / 60)).clip(0, 255).astype(np.uint8)
 
 
 SEGMENT = ((8.0, 20.0, 12.0), (55.0, 44.0, 50.0))
@@ -42,6 +57,40 @@ def test_a_line_is_found_within_half_a_degree_and_a_third_of_a_voxel():
 def test_the_same_seed_finds_the_same_line():
     first, second = (detect_lines(tube(*SEGMENT), seed=3)[0].ends_px for _ in range(2))
     np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("tail", [[0, 1, 0], [0, -1, 0], [0.4, 0.6, -0.69], [-0.6, 0.0, 0.8]])
+def test_a_tail_does_not_pull_the_line_whichever_way_it_runs(tail):
+    volume = tailed(*SEGMENT, tail)
+    line = detect_lines(volume)[0]
+    angle, distance = errors(line, SEGMENT)
+    assert angle < 0.2
+    assert distance < 0.1
+    bright, weight = bright_sections(volume.astype(np.float32), np.array(SEGMENT), 6.0)
+    ends, _ = fit_line(bright, weight, 0.0)
+    _, pulled = errors(LineCandidate(ends, np.zeros((2, 3, 3)), 1.0), SEGMENT)
+    assert pulled > 2 * distance
+
+
+@pytest.mark.parametrize("axes", [(1, 2, 0), (2, 1, 0), (0, 2, 1)])
+def test_a_volume_with_its_axes_exchanged_has_the_same_line(axes):
+    volume = tailed(*SEGMENT, [0.3, 0.9, 0.3])
+    line, other = detect_lines(volume)[0], detect_lines(np.ascontiguousarray(volume.transpose(axes)))[0]
+    # An array's axes are (w, v, u), a point's (u, v, w).
+    exchanged = other.ends_px[:, ::-1][:, np.argsort(axes)][:, ::-1]
+    angle, distance = errors(LineCandidate(exchanged, other.covariance_px2, 1.0), line.ends_px)
+    assert angle < 0.1
+    assert distance < 0.03
+
+
+def test_along_the_tail_an_end_is_less_certain():
+    tail = np.array([0.0, 1.0, 0.0])
+    line = detect_lines(tailed(*SEGMENT, tail))[0]
+    down = tail - (tail @ line.direction) * line.direction
+    down /= np.linalg.norm(down)
+    side = np.cross(down, line.direction)
+    for covariance in line.covariance_px2:
+        assert down @ covariance @ down > side @ covariance @ side > 0
 
 
 def test_an_end_is_uncertain_across_the_line_only():
