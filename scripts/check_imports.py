@@ -28,7 +28,8 @@ ALLOWED: dict[str, set[str]] = {
     "candidates": EVERYONE | CALIBRATION | {"observations", "registration"},
     "needle_sweep": EVERYONE
     | CALIBRATION
-    | {"candidates", "detection", "observations", "recording", "sightings"},
+    | {"candidates", "detection", "observations", "recording", "second_look", "sightings"},
+    "second_look": EVERYONE | {"candidates", "detection", "observations", "recording"},
     "contact_sheet": EVERYONE | {"detection", "recording"},
     "diagnostics": EVERYONE | {"registration"},
     # `report` only inside Calibration.plot_..., when one is called.

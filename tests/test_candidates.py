@@ -211,3 +211,26 @@ def test_the_best_line_of_a_volume_lies_on_the_needle():
     best = np.array(off)[found.rank == 0]
     # One of the needles lies in the bright band under the face.
     assert (best < 1).sum() >= 7
+
+
+def test_volumes_whose_first_lines_were_elsewhere_are_looked_at_again():
+    options = SweepOptions(frames=40, rate_hz=3, sigma_px=0.1, sigma_mm=0.3, compact=0, interfaces=0, seed=2)
+    sweep = simulate_sweep(curvilinear_3d(64, 1.8), options=options)
+    frames = ArrayFrames(np.stack(list(sweep.recording.frames)))
+    recording = replace(sweep.recording, frames=frames)
+    found = detect_volumes(recording)
+    rows = np.flatnonzero(found.frame % 4 != 0)
+    part = replace(
+        found,
+        frame=found.frame[rows],
+        rank=found.rank[rows],
+        lines=tuple(found.lines[i] for i in rows),
+    )
+    once = calibrate_recording(recording, sweep.lines, candidates=part, second_look=False)
+    twice = calibrate_recording(recording, sweep.lines, candidates=part)
+    shown = np.flatnonzero(sweep.truth.visible)
+    assert not np.any(once.observations.frame % 4 == 0)
+    assert np.isin(twice.observations.frame, shown).all()
+    again = shown[shown % 4 == 0]
+    assert np.isin(again, twice.observations.frame).sum() >= 0.8 * len(again) > 0
+    assert twice.used > once.used

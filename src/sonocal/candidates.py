@@ -6,7 +6,7 @@ which candidate of each image lies near its needle, and calibrate again on those
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,10 +17,16 @@ from sonocal.calibration import Calibration, calibrate
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
-from sonocal.observations import Observations, group_codes
+from sonocal.observations import Observations, group_codes, stacked
 from sonocal.registration.noise import residual_vectors
 
-__all__ = ["CandidateCalibration", "calibrate_candidates", "predicted_points"]
+__all__ = [
+    "CandidateCalibration",
+    "calibrate_candidates",
+    "image_crossings",
+    "predicted_needles",
+    "predicted_points",
+]
 
 ROUNDS = 10
 RANKS = (1, 2, 3, 5, 1000)
@@ -36,7 +42,8 @@ LEAST_SHARE_OF_MANY = 0.5
 TIGHTNESS = 4.0
 """Standard deviations of the residuals within which a candidate is the needle, once a calibration is known."""
 
-LookAgain = Callable[[AxisScaled, float], Observations]
+LookAgain = Callable[[AxisScaled, Observations, float], Sequence[Observations]]
+"""A calibration, the candidates near their needles, a distance in mm: to candidates near the other needles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +82,8 @@ def calibrate_candidates(
         candidates: one row a candidate, best first within a frame and target; in 3D two or more rows a line
             candidate, with the candidate's number as `split`.
         sightings: images and needles looked at, where some had no candidate at all.
-        look_again: given a calibration and a distance in mm, candidates near where the needles must be.
+        look_again: finds further candidates, once a calibration says where needles must be: given it, the
+            candidates within a distance of their needles, and that distance in mm.
         threshold_mm: candidates further than this from their needle are wrong.
         seed: of the random samples.
         options: of `sonocal.calibrate`.
@@ -94,7 +102,9 @@ def calibrate_candidates(
     calibration, chosen = _settle(table, start, threshold_mm, seed, options)
     first = chosen
     if look_again is not None:
-        table = _Table(look_again(calibration.probe_from_image, threshold_mm))
+        near = table.nearest(calibration.probe_from_image, threshold_mm)
+        further = look_again(calibration.probe_from_image, candidates_at(table.rows, near), threshold_mm)
+        table = _Table(stacked([table.rows, *further]))
         calibration, chosen = _settle(table, calibration, threshold_mm, seed, options)
     observations = candidates_at(table.rows, chosen)
     used = len(np.unique(group_codes(observations.frame, observations.target)))
@@ -109,12 +119,21 @@ def calibrate_candidates(
     return CandidateCalibration(calibration, observations, first, total, used, reasons)
 
 
-def predicted_points(probe_from_image: AxisScaled, segments_mm: Array) -> Array:
-    """(N, 2) px: where needles (N, 2, 3), mm in the probe's frame, cross a 2D image; NaN where they do not."""
+def predicted_needles(probe_from_image: AxisScaled, segments_mm: Array) -> Array:
+    """(N, 2, 3) px: needles (N, 2, 3), mm in the probe's frame, in an image's axes."""
     matrix = probe_from_image.matrix
     ends = segments_mm - matrix[:3, 3]
-    in_image = np.linalg.solve(matrix[:3, :3], ends.reshape(-1, 3).T).T.reshape(-1, 2, 3)
-    start, along = in_image[:, 0], in_image[:, 1] - in_image[:, 0]
+    return np.asarray(np.linalg.solve(matrix[:3, :3], ends.reshape(-1, 3).T).T.reshape(-1, 2, 3))
+
+
+def predicted_points(probe_from_image: AxisScaled, segments_mm: Array) -> Array:
+    """(N, 2) px: where needles (N, 2, 3), mm in the probe's frame, cross a 2D image; NaN where they do not."""
+    return image_crossings(predicted_needles(probe_from_image, segments_mm))
+
+
+def image_crossings(needles_px: Array) -> Array:
+    """(N, 2) px: where needles (N, 2, 3), px of a 2D image, cross it; NaN where they do not."""
+    start, along = needles_px[:, 0], needles_px[:, 1] - needles_px[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -start[:, 2] / along[:, 2]
     crossing = start + share[:, None] * along

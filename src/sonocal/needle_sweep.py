@@ -10,21 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.calibration import Calibration, calibrate
-from sonocal.candidates import CandidateCalibration, calibrate_candidates, predicted_points
+from sonocal.candidates import CandidateCalibration, calibrate_candidates
 from sonocal.detection import (
     Candidates,
     LineCandidates,
-    PointDetector,
     detect_points,
     detect_volumes,
     find_mask,
 )
-from sonocal.detection.points import LEAST_SCORE, Centre, Progress
+from sonocal.detection.points import Centre, Progress
 from sonocal.errors import InputError, NoConsensusError
-from sonocal.geometry import Array, AxisScaled
-from sonocal.observations import Observations
+from sonocal.observations import Observations, stacked
 from sonocal.recording import Line, Recording, health
 from sonocal.recording.poses import OnInvalid
+from sonocal.second_look import SecondLook, lines_near, points_near
 from sonocal.sightings import Detections, observations_from_recording
 
 __all__ = [
@@ -37,9 +36,6 @@ __all__ = [
 
 Fixed = Mapping[tuple[str, str], ArrayLike] | None
 
-FAINT_SHARE = 0.5
-"""Of the detection's least score: near where the needle must be, a fainter place will do."""
-MANY = 25
 IMAGE_COUNT = 5
 THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
 SPACING_SHARE = 0.2
@@ -82,7 +78,7 @@ def candidate_observations(
         ).observations
         for line in lines
     ]
-    return tables[0] if len(tables) == 1 else _stacked(tables)
+    return tables[0] if len(tables) == 1 else stacked(tables)
 
 
 def calibrate_recording(
@@ -135,12 +131,12 @@ def calibrate_recording(
         "latency_s": latency_s,
         "on_invalid": on_invalid,
     }
-    again: _SecondLook | None = None
     if recording.image.dimension == 3:
         if not isinstance(candidates, LineCandidates):
             chosen_count = {} if count is None else {"count": count}
             candidates = detect_volumes(recording, progress=progress, **chosen_count)
         table = line_observations(recording, lines, candidates, **how)
+        find = lines_near(recording)
     else:
         mask = find_mask(recording.frames, name=recording.name) if mask is None else mask
         if not isinstance(candidates, Candidates):
@@ -148,11 +144,11 @@ def calibrate_recording(
                 recording, count=count or IMAGE_COUNT, mask=mask, centre=centre, progress=progress
             )
         table = candidate_observations(recording, lines, candidates, **how)
-        again = _SecondLook(recording, mask, centre, _levels_estimated(table)) if second_look else None
+        find = points_near(recording, mask, centre)
     found = calibrate_candidates(
         _levels_estimated(table),
         sightings=candidates.frames * len(lines),
-        look_again=again,
+        look_again=SecondLook(_expected(recording, lines, **how), find) if second_look else None,
         threshold_mm=threshold_mm,
         **options,
     )
@@ -274,7 +270,7 @@ def line_observations(
             on_invalid=on_invalid,
         )
         tables.append(replace(sightings.observations, split=rank[sightings.kept]))
-    return tables[0] if len(tables) == 1 else _stacked(tables)
+    return tables[0] if len(tables) == 1 else stacked(tables)
 
 
 def _no_candidates(name: str, images: int) -> NoConsensusError:
@@ -285,46 +281,15 @@ def _no_candidates(name: str, images: int) -> NoConsensusError:
     )
 
 
-class _SecondLook:
-    """Fainter candidates near where the needles must be, in images whose first ones were elsewhere."""
-
-    def __init__(
-        self, recording: Recording, mask: NDArray[np.bool_], centre: Centre, table: Observations
-    ) -> None:
-        self._recording, self._table = recording, table
-        self._detector = PointDetector(mask, MANY, centre=centre, least_score=FAINT_SHARE * LEAST_SCORE)
-        self._last: tuple[int, Array] | None = None
-
-    def __call__(self, probe_from_image: AxisScaled, threshold_mm: float) -> Observations:
-        table, sightings = self._table, self._table.sightings
-        _, first = np.unique(sightings, return_index=True)
-        expected = predicted_points(probe_from_image, table.segments_mm)
-        scale = float(probe_from_image.scales.mean())
-        off = np.linalg.norm(table.points_px - expected, axis=1) * scale
-        near = set(sightings[off <= threshold_mm].tolist())
-        parts = [table]
-        for row in first:
-            if int(sightings[row]) not in near and self._inside(expected[row]):
-                parts.append(self._look(int(row), expected[row], threshold_mm / scale))
-        return _stacked([part for part in parts if len(part)])
-
-    def _inside(self, place: Array) -> bool:
-        assert self._recording.image is not None
-        return bool(
-            np.isfinite(place).all() and (place >= 0).all() and (place < self._recording.image.size_px).all()
-        )
-
-    def _look(self, row: int, place: Array, reach_px: float) -> Observations:
-        frame = int(self._table.frame[row])
-        points = self._found(frame)
-        near = np.flatnonzero(np.linalg.norm(points - place, axis=1) <= reach_px)
-        return replace(self._table.select(np.full(len(near), row)), points_px=points[near])
-
-    def _found(self, frame: int) -> Array:
-        """What is in an image, whose wires follow one another."""
-        if self._last is None or self._last[0] != frame:
-            self._last = frame, self._detector.detect(self._recording.frames[frame])[0]
-        return self._last[1]
+def _expected(recording: Recording, lines: Sequence[Line], **how: Any) -> Observations:
+    """A row for every image and needle with a pose: where it must be, whatever was found there."""
+    assert recording.image is not None
+    frame = np.repeat(np.flatnonzero(recording.image_valid), len(lines))
+    names = np.tile([line.name for line in lines], len(frame) // len(lines))
+    nowhere = np.zeros((len(frame), recording.image.dimension))
+    return observations_from_recording(
+        recording, lines, Detections(frame, nowhere, names), **how
+    ).observations
 
 
 def _levels_estimated(candidates: Observations) -> Observations:
@@ -334,15 +299,3 @@ def _levels_estimated(candidates: Observations) -> Observations:
     rest to the tracker, and so to the wrong sightings.
     """
     return replace(candidates, sigma_px=None)
-
-
-def _stacked(tables: Sequence[Observations]) -> Observations:
-    """Tables one after the other, their rows in the order of frames."""
-    points = np.concatenate([t.points_px for t in tables])
-    order = np.argsort(np.concatenate([t.frame for t in tables]), kind="stable")
-    names = ["segments_mm", "frame", "target", "split"]
-    names += ["sigma_px"] if tables[0].sigma_px is not None else []
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(t, name) for t in tables])[order] for name in names
-    }
-    return Observations(points_px=points[order], source=tables[0].source, **columns)

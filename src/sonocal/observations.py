@@ -203,6 +203,18 @@ class Observations:
         return int(first[inverse.reshape(-1)[second]]), second
 
 
+def stacked(tables: Sequence[Observations]) -> Observations:
+    """Tables one after the other, their rows in the order of frames; all have the same columns."""
+    points = np.concatenate([table.points_px for table in tables])
+    order = np.argsort(np.concatenate([table.frame for table in tables]), kind="stable")
+    names = ["segments_mm", "frame", "target", "split"]
+    names += ["sigma_px"] if tables[0].sigma_px is not None else []
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(table, name) for table in tables])[order] for name in names
+    }
+    return Observations(points_px=points[order], source=tables[0].source, **columns)
+
+
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
     codes = np.zeros(len(columns[0]), dtype=np.int64)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sonocal import InputError
-from sonocal.detection import LineCandidate, detect_lines, line_through_slices, slice_volume
+from sonocal.detection import LineCandidate, detect_line_near, detect_lines, line_through_slices, slice_volume
 from sonocal.detection.line_fit import bright_sections, fit_line
 
 SIDE = 64
@@ -91,6 +91,25 @@ def test_along_the_tail_an_end_is_less_certain():
     side = np.cross(down, line.direction)
     for covariance in line.covariance_px2:
         assert down @ covariance @ down > side @ covariance @ side > 0
+
+
+@pytest.mark.parametrize("reach", [0.2, 1.0, 10.0])
+def test_a_faint_needle_is_found_near_where_it_must_be(reach):
+    """Given any two points of it, within the volume or far outside, a voxel and a half beside it."""
+    volume = (60 + (tube(*SEGMENT, noise=12.0).astype(float) - 60) / 4).astype(np.uint8)
+    middle, along = np.mean(SEGMENT, axis=0), np.subtract(*SEGMENT[::-1])
+    needle = middle + np.array([[-reach], [reach]]) * along + [1.5, 0.0, 0.0]
+    angle, distance = errors(detect_line_near(volume, needle), SEGMENT)
+    assert angle < 1
+    assert distance < 0.5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_no_needle_is_none_is_found_near(seed):
+    rng = np.random.default_rng(seed)
+    noise = (60 + rng.normal(scale=12, size=(SIDE,) * 3)).clip(0, 255).astype(np.uint8)
+    assert detect_line_near(noise, rng.uniform(0, SIDE, (2, 3))) is None
+    assert detect_line_near(noise, [[-5.0, 0.0, 3.0], [-5.0, 9.0, 70.0]]) is None
 
 
 def test_an_end_is_uncertain_across_the_line_only():

@@ -4,6 +4,7 @@ from sonocal.detection.grey import as_grey
 from sonocal.detection.lines import (
     LineCandidate,
     LineCandidates,
+    detect_line_near,
     detect_lines,
     detect_volumes,
     line_through_slices,
@@ -19,6 +20,7 @@ __all__ = [
     "PointDetector",
     "VolumeSlice",
     "as_grey",
+    "detect_line_near",
     "detect_lines",
     "detect_points",
     "detect_volumes",

@@ -7,7 +7,15 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 
-__all__ = ["SHELL_PX", "bright_voxels", "distances", "strongest_line", "voxels"]
+__all__ = [
+    "SHELL_PX",
+    "bright_voxels",
+    "distances",
+    "prominence",
+    "prominence_along",
+    "strongest_line",
+    "voxels",
+]
 
 COARSE_SIDE = 64
 BRIGHT = 300
@@ -21,8 +29,8 @@ NEAR_PX, SHELL_PX = 1.5, 4.0
 LEAST_LENGTH_PX = 5.0
 
 
-def bright_voxels(grey: NDArray[np.float32]) -> tuple[Array, Array, int]:
-    """Places (N, 3) in a coarse volume, how far they stand out in units of noise, and the coarse volume's step."""
+def prominence(grey: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
+    """How far voxels of a coarse volume stand out from what surrounds them, in units of noise, and its step."""
     from scipy.ndimage import gaussian_filter
 
     pool = max(1, round(max(grey.shape) / COARSE_SIDE))
@@ -31,11 +39,26 @@ def bright_voxels(grey: NDArray[np.float32]) -> tuple[Array, Array, int]:
     fine = gaussian_filter(coarse, FINE_PX, truncate=2.5)
     wide, weight = (gaussian_filter(part, WIDE_PX, truncate=2.0) for part in (coarse, inside))
     response = (fine - wide / np.maximum(weight, 0.05)) * inside
-    flat = (response / _noise(response, inside)).reshape(-1)
+    return response / _noise(response, inside), pool
+
+
+def bright_voxels(prominent: NDArray[np.float32]) -> tuple[Array, Array]:
+    """Places (N, 3) in a coarse volume that stand out most, and how far (N,)."""
+    flat = prominent.reshape(-1)
     top = np.argpartition(-flat, min(BRIGHT, flat.size - 1))[:BRIGHT]
     top = np.sort(top[flat[top] > LEAST_SCORE])
-    places = np.stack(np.unravel_index(top, response.shape)[::-1], axis=-1).astype(float)
-    return places, flat[top].astype(float), pool
+    places = np.stack(np.unravel_index(top, prominent.shape)[::-1], axis=-1).astype(float)
+    return places, flat[top].astype(float)
+
+
+def prominence_along(prominent: NDArray[np.float32], pool: int, ends: Array) -> Array:
+    """(N,): how far a line (2, 3) px of the volume stands out, at every step of the coarse one."""
+    from scipy.ndimage import map_coordinates
+
+    first, last = (ends - 0.5 * (pool - 1)) / pool
+    steps = np.linspace(0, 1, 1 + int(np.linalg.norm(last - first)))[:, None]
+    places = first + steps * (last - first)
+    return np.asarray(map_coordinates(prominent, places.T[::-1], order=1), dtype=float)
 
 
 def _noise(response: NDArray[np.float32], inside: NDArray[np.float32]) -> NDArray[np.float32]:

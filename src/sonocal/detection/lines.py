@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sonocal.detection.first_echo import Echo, first_echo
 from sonocal.detection.grey import as_grey
 from sonocal.detection.line_fit import bright_sections, fit_line
-from sonocal.detection.line_search import SHELL_PX, bright_voxels, distances, strongest_line, voxels
+from sonocal.detection.line_search import (
+    SHELL_PX,
+    bright_voxels,
+    distances,
+    prominence,
+    prominence_along,
+    strongest_line,
+    voxels,
+)
 from sonocal.detection.points import PointDetector, Progress
 from sonocal.detection.slices import slice_volume
 from sonocal.errors import InputError
@@ -22,8 +30,10 @@ from sonocal.recording import Recording
 __all__ = ["LineCandidate", "LineCandidates", "detect_lines", "detect_volumes", "line_through_slices"]
 
 COUNT = 3
-REACH_PX = 6.0
-"""How far from a coarse line the needle may be."""
+REACH_PX, NEAR_PX = 6.0, 3.0
+"""How far the needle may be from a coarse line, and from where a calibration says it is."""
+LEAST_PROMINENCE = 1.5
+"""Of what lies along a line on average, in units of noise: noise itself reaches half of that."""
 SECTION_PX = 3.0
 """What belongs to a line through slices."""
 LEAST_LENGTH_PX = 10.0
@@ -132,7 +142,8 @@ def detect_lines(
         InputError: the volume has another shape or is too small.
     """
     grey = as_grey(volume, 3, name)
-    places, weights, pool = bright_voxels(grey)
+    prominent, pool = prominence(grey)
+    places, weights = bright_voxels(prominent)
     rng = np.random.default_rng(seed)
     found: list[LineCandidate] = []
     while len(found) < count and len(places) >= LEAST_POINTS:
@@ -140,12 +151,37 @@ def detect_lines(
         if coarse is None:
             break
         ends, score = coarse
-        line = _refined(grey, voxels(ends, pool), score)
+        line = _refined(grey, voxels(ends, pool), score, REACH_PX)
         if line is not None and all(_apart(line, other) for other in found):
             found.append(line)
         left = distances(places, ends) > SHELL_PX
         places, weights = places[left], weights[left]
     return sorted(found, key=lambda line: -line.score)
+
+
+def detect_line_near(
+    volume: NDArray[Any], needle_px: ArrayLike, *, name: str = "volume"
+) -> LineCandidate | None:
+    """The line near where a needle must be: it may be fainter than what `detect_lines` finds by itself.
+
+    Args:
+        volume: indexed [w, v, u].
+        needle_px: (2, 3): two points of the needle, anywhere along it, (u, v, w).
+        name: what messages call the volume.
+
+    Returns:
+        The line, or None where nothing stands out.
+
+    Raises:
+        InputError: the volume has another shape or is too small.
+    """
+    grey = as_grey(volume, 3, name)
+    ends = _inside(np.asarray(needle_px, dtype=float), np.array(grey.shape[::-1]) - 1.0)
+    line = None if ends is None else _refined(grey, ends, 0.0, NEAR_PX)
+    if line is None:
+        return None
+    along = prominence_along(*prominence(grey), line.ends_px)
+    return replace(line, score=float(along.sum())) if along.mean() >= LEAST_PROMINENCE else None
 
 
 def line_through_slices(
@@ -192,11 +228,11 @@ def line_through_slices(
     return LineCandidate(*fit_line(places[near], strength[near], FLOOR_PX2, int(near.sum())), line[1])
 
 
-def _refined(grey: NDArray[np.float32], ends: Array, score: float) -> LineCandidate | None:
+def _refined(grey: NDArray[np.float32], ends: Array, score: float, reach: float) -> LineCandidate | None:
     """The line through the brightest place of every section across it, and then through the first echo there."""
     if np.linalg.norm(ends[1] - ends[0]) < LEAST_LENGTH_PX:
         return None
-    points, contrast = bright_sections(grey, ends, REACH_PX)
+    points, contrast = bright_sections(grey, ends, reach)
     if len(points) < LEAST_POINTS:
         return None
     ends, covariance = fit_line(points, contrast, FLOOR_PX2)
@@ -205,6 +241,15 @@ def _refined(grey: NDArray[np.float32], ends: Array, score: float) -> LineCandid
         ends, covariance = fit_line(echo.points_px, 1 / (ECHO_FLOOR_PX2 + echo.sigma_px**2), ECHO_FLOOR_PX2)
         covariance += _along_tail(echo, ends)
     return LineCandidate(ends, covariance, score)
+
+
+def _inside(needle: Array, last: Array) -> Array | None:
+    """The part of a line within a volume whose last voxel is given; None where it passes by."""
+    along = needle[1] - needle[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossings = np.sort([-needle[0] / along, (last - needle[0]) / along], axis=0)
+    enters, leaves = np.nanmax(crossings[0]), np.nanmin(crossings[1])
+    return needle[0] + np.array([[enters], [leaves]]) * along if enters < leaves else None
 
 
 def _along_tail(echo: Echo, ends: Array) -> Array:
