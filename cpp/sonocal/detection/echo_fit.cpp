@@ -1,17 +1,23 @@
 #include "sonocal/detection/echo_fit.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 namespace sonocal {
 namespace {
 
 constexpr double kWhite = 250;    // grey level from which a pixel counts as saturated
-constexpr double kBeyond = 0.05;  // of the pulse's half height: how far below the middle pixels still count
+constexpr double kBeyond = 0.15;  // of the pulse's half height: how far below the middle pixels still count
 constexpr double kLeastHeight =
     6;  // px, from the middle to where nothing is left: flatter echoes stand apart
 constexpr int kLeastPixels = 12;
 constexpr int kRounds = 2;
+// What the tail still pulls the middle down by, from simulated needles: nothing where the first echo stands
+// apart, more the further it reaches into the second, at the most what a tail can.
+constexpr double kMerged = 13;     // px, half height at a fixed u from which the two have run together
+constexpr double kPull = 0.22;     // px a px above it
+constexpr double kGreatestPull = 2;  // px
 
 struct Paraboloid {
   bool found = false;
@@ -59,7 +65,9 @@ EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast) {
   out.found = echo.found;
   if (!out.found) return out;
   const Eigen::Matrix2d shape = echo.curvature.inverse();
-  out.u = echo.top[0], out.v = echo.top[1];
+  const double half_height = std::sqrt(contrast / echo.curvature(1, 1));
+  out.u = echo.top[0];
+  out.v = echo.top[1] - std::clamp(kPull * (half_height - kMerged), 0.0, kGreatestPull);
   out.uu = shape(0, 0), out.uv = shape(0, 1), out.vv = shape(1, 1);
   return out;
 }

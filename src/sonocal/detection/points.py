@@ -31,7 +31,7 @@ LEAST_SCORE = 4.0
 LEAST_NOISE = 1.0
 
 # Where a blob is cut (of its contrast), how deep a valley parts it, and whether its first echo is looked for.
-CUTS: dict[str, tuple[float, float, bool]] = {"head": (0.65, 0.1, True), "mass": (0.2, 0.3, False)}
+CUTS: dict[str, tuple[float, float, bool]] = {"head": (0.55, 0.1, True), "mass": (0.2, 0.3, False)}
 
 # error^2 = FLOOR + SHAPE x shape of the blob, by component, px^2. The first echo's is fitted to simulated needles:
 # along the beam it is harder to tell from what follows than its sides are. That of the mass is fitted to what
