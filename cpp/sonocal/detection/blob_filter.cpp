@@ -24,7 +24,7 @@ constexpr float kStructureValley = 0.7f;  // of the contrast: a deeper valley pa
 constexpr double kLongest = 1.0 / 6;  // of the image's smaller side: what is longer is no needle's section
 constexpr double kSpare = 0.25;       // what a peak on such a structure still counts
 constexpr double kFar = 1.5;      // standard deviations of the cut echo, from its middle to the fitted one
-constexpr double kCutShape = 12;  // a paraboloid's shape over the second moment of its part above 0.65
+constexpr double kCutShape = 9;   // a paraboloid's shape over the second moment of its part above half
 constexpr double kUsualContrast = 100;  // grey levels; speckle that stands out of even speckle has less
 constexpr int kPeaksTried = 50;         // and four a candidate asked for
 
@@ -212,7 +212,8 @@ Blob BlobFilter::refine(const float* image, const Peak& peak, const Summit& top,
        static_cast<float>(options.split * top.contrast), box_around(top.pixel, 0.5 * longest_));
   measure(image, top.surround, blob);
   if (options.first_echo) place_first_echo(image, top, blob);
-  blob.score = peak.score * std::sqrt(top.contrast / kUsualContrast);
+  const double share = top.contrast / kUsualContrast;
+  blob.score = peak.score * (share < 1 ? share * share : std::sqrt(share));
   blob.scale = scales_[peak.level];
   blob.contrast = top.contrast;
   return blob;
