@@ -22,7 +22,7 @@ float median_magnitude(const std::vector<float>& values, const std::vector<float
 constexpr float kStructure = 0.4f;        // of the contrast: above it lies what a peak belongs to
 constexpr float kStructureValley = 0.7f;  // of the contrast: a deeper valley parts two structures
 constexpr double kLongest = 1.0 / 6;  // of the image's smaller side: what is longer is no needle's section
-constexpr double kSpare = 0.25;       // what a peak on such a structure still counts
+constexpr double kSpare = 0.25;       // what a peak on such a structure counts, and an echo's second reading
 constexpr double kFar = 1.5;      // standard deviations of the cut echo, from its middle to the fitted one
 constexpr double kCutShape = 9;   // a paraboloid's shape over the second moment of its part above half
 constexpr double kUsualContrast = 100;  // grey levels; speckle that stands out of even speckle has less
@@ -238,7 +238,7 @@ void BlobFilter::place_first_echo(const float* image, const Summit& top, Blob& b
     blob.uu *= kCutShape, blob.uv *= kCutShape, blob.vv *= kCutShape;
     return;
   }
-  blob.u = u, blob.v = v;
+  blob.u = u, blob.v = v, blob.deeper = fit.deeper;
   blob.uu = top.contrast * fit.uu, blob.uv = top.contrast * fit.uv, blob.vv = top.contrast * fit.vv;
 }
 
@@ -269,7 +269,13 @@ std::vector<Blob> BlobFilter::detect(const float* image, const BlobOptions& opti
     const double length = claim(image, top);
     Blob blob = refine(image, peak, top, options);
     if (length > longest_) blob.score *= kSpare;
-    if (apart(blobs, blob)) blobs.push_back(blob);
+    if (!apart(blobs, blob)) continue;
+    blobs.push_back(blob);
+    if (blob.deeper > 0) {
+      // Behind what stands for itself, so that it takes nobody's place.
+      blob.v += blob.deeper, blob.score *= kSpare;
+      blobs.push_back(blob);
+    }
   }
   for (const int k : marked_) taken_[k] = 0;
   marked_.clear();

@@ -13,11 +13,14 @@ constexpr double kLeastHeight =
     6;  // px, from the middle to where nothing is left: flatter echoes stand apart
 constexpr int kLeastPixels = 12;
 constexpr int kRounds = 2;
-// What the tail still pulls the middle down by, from simulated needles: nothing where the first echo stands
-// apart, more the further it reaches into the second, at the most what a tail can.
-constexpr double kMerged = 13;     // px, half height at a fixed u from which the two have run together
-constexpr double kPull = 0.22;     // px a px above it
+// What a tail does to the middle of an echo that it has run into, from simulated needles. Mostly it adds to the
+// echo and pulls its middle down: the more the taller the echo, at the most by what a tail can. Where it opposes
+// the echo it pushes the middle up.
+constexpr double kMerged = 13;       // px, half height at a fixed u from which the two have run together
+constexpr double kPull = 0.22;       // px a px above it
 constexpr double kGreatestPull = 2;  // px
+constexpr double kPush = 1.5;        // px
+constexpr double kAmbiguous = 2;     // px between the two readings, from which both are given
 
 struct Paraboloid {
   bool found = false;
@@ -66,8 +69,9 @@ EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast) {
   if (!out.found) return out;
   const Eigen::Matrix2d shape = echo.curvature.inverse();
   const double half_height = std::sqrt(contrast / echo.curvature(1, 1));
-  out.u = echo.top[0];
-  out.v = echo.top[1] - std::clamp(kPull * (half_height - kMerged), 0.0, kGreatestPull);
+  const double pull = std::clamp(kPull * (half_height - kMerged), 0.0, kGreatestPull);
+  out.u = echo.top[0], out.v = echo.top[1] - pull;
+  if (pull + kPush >= kAmbiguous) out.deeper = pull + kPush;
   out.uu = shape(0, 0), out.uv = shape(0, 1), out.vv = shape(1, 1);
   return out;
 }
