@@ -25,7 +25,7 @@ constexpr double kLongest = 1.0 / 6;  // of the image's smaller side: what is lo
 constexpr double kSpare = 0.25;       // what a peak on such a structure counts, and an echo's second reading
 constexpr double kFar = 1.5;      // standard deviations of the cut echo, from its middle to the fitted one
 constexpr double kCutShape = 9;   // a paraboloid's shape over the second moment of its part above half
-constexpr double kUsualContrast = 100;  // grey levels; speckle that stands out of even speckle has less
+constexpr double kUsualContrast = 85;  // grey levels; speckle that stands out of even speckle has less
 constexpr int kPeaksTried = 50;         // and four a candidate asked for
 
 // Two peaks of one blob end at the same place.
@@ -224,7 +224,7 @@ void BlobFilter::place_first_echo(const float* image, const Summit& top, Blob& b
   echo_.clear();
   for (const auto& [k, low] : hill_)
     echo_.push_back({static_cast<double>(k % cols_ - col), static_cast<double>(k / cols_ - row), image[k]});
-  const EchoFit fit = fit_echo(echo_, top.contrast);
+  const EchoFit fit = fit_echo(echo_, top.contrast, scales_.front());
   const double u = col + fit.u, v = row + fit.v;
   // An extrapolated top that lies outside of what was fitted is none.
   const bool near = std::pow(u - blob.u, 2) <= kFar * kFar * (blob.uu + 1) &&

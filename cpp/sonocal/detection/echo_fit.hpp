@@ -22,6 +22,7 @@ struct EchoFit {
 // weakest, so that the paraboloid is fitted again to those and to a few beyond. Saturated pixels say nothing
 // of its shape. An echo taller than the tail's period is one spot with it, whose middle depends on the phases
 // with which they add; an image without phases does not tell them.
-EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast);
+// unit: the image's finest scale, px.
+EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast, double unit);
 
 }  // namespace sonocal
