@@ -22,10 +22,11 @@ float median_magnitude(const std::vector<float>& values, const std::vector<float
 constexpr float kStructure = 0.4f;        // of the contrast: above it lies what a peak belongs to
 constexpr float kStructureValley = 0.7f;  // of the contrast: a deeper valley parts two structures
 constexpr double kLongest = 1.0 / 6;  // of the image's smaller side: what is longer is no needle's section
-constexpr double kSpare = 0.25;       // what a peak on such a structure counts, and an echo's second reading
+constexpr double kSpare = 0.25;       // what a peak on such a structure still counts
+constexpr double kSecond = 0.5;       // what the second reading of a merged echo counts
 constexpr double kFar = 1.5;      // standard deviations of the cut echo, from its middle to the fitted one
 constexpr double kCutShape = 9;   // a paraboloid's shape over the second moment of its part above half
-constexpr double kUsualContrast = 85;  // grey levels; speckle that stands out of even speckle has less
+constexpr double kUsualContrast = 75;  // grey levels; speckle that stands out of even speckle has less
 constexpr int kPeaksTried = 50;         // and four a candidate asked for
 
 // Two peaks of one blob end at the same place.
@@ -272,8 +273,8 @@ std::vector<Blob> BlobFilter::detect(const float* image, const BlobOptions& opti
     if (!apart(blobs, blob)) continue;
     blobs.push_back(blob);
     if (blob.deeper > 0) {
-      // Behind what stands for itself, so that it takes nobody's place.
-      blob.v += blob.deeper, blob.score *= kSpare;
+      // Behind what stands for itself about as clearly, so that it takes nobody's place.
+      blob.v += blob.deeper, blob.score *= kSecond;
       blobs.push_back(blob);
     }
   }
