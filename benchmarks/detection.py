@@ -236,7 +236,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--volumes", type=int, default=60)
-    parser.add_argument("--sweeps", type=int, nargs="+", help="seeds of water, tissue and linear, to see others")
+    parser.add_argument(
+        "--sweeps", type=int, nargs="+", help="seeds of water, tissue and linear, to see others"
+    )
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--rows", nargs="+", help="only these, such as: water lines volumes")
     options = parser.parse_args()
@@ -254,7 +256,9 @@ def main() -> None:
         ),
         "linear": (
             "simulated, tissue, linear 820 x 616",
-            lambda: simulated_points(linear(), SMALL_PARTS, replace(SMALL_PARTS, **BRIGHT), options.sweeps or (13, 23, 33)),
+            lambda: simulated_points(
+                linear(), SMALL_PARTS, replace(SMALL_PARTS, **BRIGHT), options.sweeps or (13, 23, 33)
+            ),
         ),
         "lines": ("simulated, 3D, 128^3", lambda: simulated_lines(options.volumes, 14)),
         "images": ("500 images, 20 % hidden", lambda: end_to_end(curvilinear(), 500, 20.0, seeds, 1.0)),

@@ -24,10 +24,10 @@ constexpr float kStructureValley = 0.7f;  // of the contrast: a deeper valley pa
 constexpr double kLongest = 1.0 / 6;  // of the image's smaller side: what is longer is no needle's section
 constexpr double kSpare = 0.25;       // what a peak on such a structure still counts
 constexpr double kSecond = 0.5;       // what the second reading of a merged echo counts
-constexpr double kFar = 1.5;      // standard deviations of the cut echo, from its middle to the fitted one
-constexpr double kCutShape = 9;   // a paraboloid's shape over the second moment of its part above half
+constexpr double kFar = 1.5;     // standard deviations of the cut echo, from its middle to the fitted one
+constexpr double kCutShape = 9;  // a paraboloid's shape over the second moment of its part above half
 constexpr double kUsualContrast = 75;  // grey levels; speckle that stands out of even speckle has less
-constexpr int kPeaksTried = 50;         // and four a candidate asked for
+constexpr int kPeaksTried = 50;        // and four a candidate asked for
 
 // Two peaks of one blob end at the same place.
 bool apart(const std::vector<Blob>& blobs, const Blob& blob) {

@@ -13,15 +13,15 @@ constexpr double kLeastHeight =
     6;  // px, from the middle to where nothing is left: flatter echoes stand apart
 constexpr int kLeastPixels = 12;
 constexpr int kRounds = 2;
-// What a tail does to the middle of an echo that it has run into, from simulated needles. Mostly it adds to the
-// echo and pulls its middle down: the more the taller the echo, at the most by what a tail can. Where it opposes
-// the echo it pushes the middle up.
-// Lengths in units of the image's finest scale: what they mean does not hang on how large the image is drawn.
-constexpr double kMerged = 7.8;        // half height at a fixed u from which the two have run together
-constexpr double kPull = 0.22;         // of what the half height is above it
+// What a tail does to the middle of an echo that it has run into, from simulated needles. Mostly it adds to
+// the echo and pulls its middle down: the more the taller the echo, at the most by what a tail can. Where it
+// opposes the echo it pushes the middle up. Lengths in units of the image's finest scale: what they mean does
+// not hang on how large the image is drawn.
+constexpr double kMerged = 7.8;  // half height at a fixed u from which the two have run together
+constexpr double kPull = 0.22;   // of what the half height is above it
 constexpr double kGreatestPull = 1.2;
 constexpr double kPush = 0.9;
-constexpr double kAmbiguous = 1.2;     // between the two readings, from which both are given
+constexpr double kAmbiguous = 1.2;  // between the two readings, from which both are given
 
 struct Paraboloid {
   bool found = false;
