@@ -63,6 +63,39 @@ def test_the_first_echo_is_the_needle_and_its_tail_is_not():
     assert mass[0, 1] > 142
 
 
+def merged_with_its_tail(phase, sigma=6.0, period=7.0, shape=(300, 300)):
+    """A steep needle's echo, so tall that reverberations of this phase run into it; its place is (150, 120)."""
+    rows, cols = np.mgrid[: shape[0], : shape[1]]
+    orders = np.arange(6)
+    weights = 0.45**orders * np.exp(1j * phase * (orders > 0))
+    echoes = np.exp(-0.5 * ((rows[..., None] - 120 - period * orders) / sigma) ** 2) @ weights
+    amplitude = np.abs(echoes) * np.exp(-0.5 * ((cols - 150) / 5) ** 2)
+    return (200 + 255 / 60 * 20 * np.log10(np.maximum(amplitude, 1e-5))).clip(0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.5 * np.pi, np.pi])
+def test_one_reading_of_an_echo_merged_with_its_tail_is_the_needle(phase):
+    points, _, _ = detector((300, 300)).detect(merged_with_its_tail(phase))
+    assert np.hypot(*(points - [150, 120]).T).min() < 2
+
+
+def test_the_second_reading_of_a_merged_echo_lies_deeper_and_counts_half():
+    points, _, scores = detector((300, 300)).detect(merged_with_its_tail(0.0))
+    assert len(points) == 2
+    np.testing.assert_allclose(points[1, 0], points[0, 0])
+    assert 2 <= points[1, 1] - points[0, 1] < 4
+    assert scores[1] == scores[0] / 2
+
+
+def test_a_second_reading_takes_nobodys_place():
+    image = merged_with_its_tail(0.0)
+    for u, v in ((60, 60), (240, 60), (60, 240), (240, 240)):
+        image = np.maximum(image, blob(u, v, height=220, shape=(300, 300)).astype(np.uint8))
+    points, _, _ = detector((300, 300)).detect(image)
+    assert len(points) == 5
+    assert (np.abs(points[:, 0] - 150) < 2).sum() == 1
+
+
 @pytest.mark.parametrize("slope", [-0.6, 0.0, 0.4])
 def test_an_oblique_needle_is_one_candidate_at_its_middle(slope):
     rows, cols = np.mgrid[:240, :320]
@@ -139,6 +172,15 @@ def test_covariances_are_symmetric_and_positive():
     assert (np.linalg.eigvalsh(covariances) > 0).all()
 
 
+def test_a_dim_echo_and_one_merged_with_its_tail_are_less_certain():
+    def variance(image):
+        return detector(image.shape).detect(image)[1][0, 1, 1]
+
+    bright, dim = (variance(grey(blob(60, 50, sigma=6, height=height))) for height in (200, 80))
+    assert dim > 1.5 * bright
+    assert variance(merged_with_its_tail(0.0)) > 4 * variance(merged_with_its_tail(0.0, sigma=2.0))
+
+
 def recording_of(images):
     return Recording(
         times=np.arange(len(images)) / 20,
@@ -159,6 +201,17 @@ def test_text_and_rulers_are_masked_and_the_needle_is_not():
     found = detect_points(recording_of(images))
     best = found.points_px[found.rank == 0]
     np.testing.assert_allclose(best, [[40 + 8 * i, 60] for i in range(9)], atol=1.5)
+
+
+def test_a_notch_in_the_fan_is_looked_into_and_its_corners_stay_masked():
+    rows, cols = np.mgrid[:200, :240]
+    fan = (np.abs(cols - 120) < 20 + 0.5 * rows) & (rows > 10)
+    notched = fan & ~((np.abs(rows - 120) < 5) & (cols < 70))
+    speckle = np.random.default_rng(0).integers(40, 90, size=(5, *fan.shape))
+    mask = find_mask((speckle * notched).astype(np.uint8))
+    assert mask[120, 50]
+    assert not mask[~fan].any()
+    assert mask[fan].mean() > 0.9
 
 
 def test_a_recording_that_stands_still_is_not_masked_away():

@@ -23,10 +23,11 @@ constexpr float kStructure = 0.4f;        // of the contrast: above it lies what
 constexpr float kStructureValley = 0.7f;  // of the contrast: a deeper valley parts two structures
 constexpr double kLongest = 1.0 / 6;  // of the image's smaller side: what is longer is no needle's section
 constexpr double kSpare = 0.25;       // what a peak on such a structure still counts
-constexpr double kFar = 1.5;      // standard deviations of the cut echo, from its middle to the fitted one
-constexpr double kCutShape = 12;  // a paraboloid's shape over the second moment of its part above 0.65
-constexpr double kUsualContrast = 100;  // grey levels; speckle that stands out of even speckle has less
-constexpr int kPeaksTried = 50;         // and four a candidate asked for
+constexpr double kSecond = 0.5;       // what the second reading of a merged echo counts
+constexpr double kFar = 1.5;     // standard deviations of the cut echo, from its middle to the fitted one
+constexpr double kCutShape = 9;  // a paraboloid's shape over the second moment of its part above half
+constexpr double kUsualContrast = 75;  // grey levels; speckle that stands out of even speckle has less
+constexpr int kPeaksTried = 50;        // and four a candidate asked for
 
 // Two peaks of one blob end at the same place.
 bool apart(const std::vector<Blob>& blobs, const Blob& blob) {
@@ -212,7 +213,8 @@ Blob BlobFilter::refine(const float* image, const Peak& peak, const Summit& top,
        static_cast<float>(options.split * top.contrast), box_around(top.pixel, 0.5 * longest_));
   measure(image, top.surround, blob);
   if (options.first_echo) place_first_echo(image, top, blob);
-  blob.score = peak.score * std::sqrt(top.contrast / kUsualContrast);
+  const double share = top.contrast / kUsualContrast;
+  blob.score = peak.score * (share < 1 ? share * share : std::sqrt(share));
   blob.scale = scales_[peak.level];
   blob.contrast = top.contrast;
   return blob;
@@ -223,7 +225,7 @@ void BlobFilter::place_first_echo(const float* image, const Summit& top, Blob& b
   echo_.clear();
   for (const auto& [k, low] : hill_)
     echo_.push_back({static_cast<double>(k % cols_ - col), static_cast<double>(k / cols_ - row), image[k]});
-  const EchoFit fit = fit_echo(echo_, top.contrast);
+  const EchoFit fit = fit_echo(echo_, top.contrast, scales_.front());
   const double u = col + fit.u, v = row + fit.v;
   // An extrapolated top that lies outside of what was fitted is none.
   const bool near = std::pow(u - blob.u, 2) <= kFar * kFar * (blob.uu + 1) &&
@@ -237,7 +239,7 @@ void BlobFilter::place_first_echo(const float* image, const Summit& top, Blob& b
     blob.uu *= kCutShape, blob.uv *= kCutShape, blob.vv *= kCutShape;
     return;
   }
-  blob.u = u, blob.v = v;
+  blob.u = u, blob.v = v, blob.deeper = fit.deeper;
   blob.uu = top.contrast * fit.uu, blob.uv = top.contrast * fit.uv, blob.vv = top.contrast * fit.vv;
 }
 
@@ -268,7 +270,13 @@ std::vector<Blob> BlobFilter::detect(const float* image, const BlobOptions& opti
     const double length = claim(image, top);
     Blob blob = refine(image, peak, top, options);
     if (length > longest_) blob.score *= kSpare;
-    if (apart(blobs, blob)) blobs.push_back(blob);
+    if (!apart(blobs, blob)) continue;
+    blobs.push_back(blob);
+    if (blob.deeper > 0) {
+      // Behind what stands for itself about as clearly, so that it takes nobody's place.
+      blob.v += blob.deeper, blob.score *= kSecond;
+      blobs.push_back(blob);
+    }
   }
   for (const int k : marked_) taken_[k] = 0;
   marked_.clear();

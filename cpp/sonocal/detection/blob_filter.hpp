@@ -15,6 +15,7 @@ struct Blob {
   double contrast;    // of the peak above its surround, grey levels
   double uu, uv, vv;  // px^2: second moments of the bright part, or of a first echo contrast / curvature
   double area;        // pixels of the bright part
+  double deeper = 0;  // px below v, where a merged first echo may be as well; 0: nowhere else
 };
 
 struct BlobOptions {

@@ -1,17 +1,27 @@
 #include "sonocal/detection/echo_fit.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 namespace sonocal {
 namespace {
 
 constexpr double kWhite = 250;    // grey level from which a pixel counts as saturated
-constexpr double kBeyond = 0.05;  // of the pulse's half height: how far below the middle pixels still count
+constexpr double kBeyond = 0.15;  // of the pulse's half height: how far below the middle pixels still count
 constexpr double kLeastHeight =
     6;  // px, from the middle to where nothing is left: flatter echoes stand apart
 constexpr int kLeastPixels = 12;
 constexpr int kRounds = 2;
+// What a tail does to the middle of an echo that it has run into, from simulated needles. Mostly it adds to
+// the echo and pulls its middle down: the more the taller the echo, at the most by what a tail can. Where it
+// opposes the echo it pushes the middle up. Lengths in units of the image's finest scale: what they mean does
+// not hang on how large the image is drawn.
+constexpr double kMerged = 7.8;  // half height at a fixed u from which the two have run together
+constexpr double kPull = 0.22;   // of what the half height is above it
+constexpr double kGreatestPull = 1.2;
+constexpr double kPush = 0.9;
+constexpr double kAmbiguous = 1.2;  // between the two readings, from which both are given
 
 struct Paraboloid {
   bool found = false;
@@ -44,7 +54,7 @@ Paraboloid fit(const std::vector<EchoPixel>& pixels, Keep keep) {
 
 }  // namespace
 
-EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast) {
+EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast, double unit) {
   Paraboloid echo = fit(pixels, [](const EchoPixel&) { return true; });
   for (int round = 0; round < kRounds && echo.found; ++round) {
     if (contrast * echo.curvature.inverse()(1, 1) < kLeastHeight * kLeastHeight) break;
@@ -59,7 +69,10 @@ EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast) {
   out.found = echo.found;
   if (!out.found) return out;
   const Eigen::Matrix2d shape = echo.curvature.inverse();
-  out.u = echo.top[0], out.v = echo.top[1];
+  const double half_height = std::sqrt(contrast / echo.curvature(1, 1)) / unit;
+  const double pull = std::clamp(kPull * (half_height - kMerged), 0.0, kGreatestPull);
+  out.u = echo.top[0], out.v = echo.top[1] - unit * pull;
+  if (pull + kPush >= kAmbiguous) out.deeper = unit * (pull + kPush);
   out.uu = shape(0, 0), out.uv = shape(0, 1), out.vv = shape(1, 1);
   return out;
 }

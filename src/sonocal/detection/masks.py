@@ -23,6 +23,8 @@ STILL = 3.0
 INK = 30.0
 """Grey level from which a still pixel is drawn over the image."""
 RIM_PX = 2
+NOTCH = 1 / 16
+"""Of the image's smaller side: narrower bays in the fan's edge, by twice as much, are black for want of echoes."""
 LARGEST_OVERLAY = 0.2
 SMALLEST_FAN = 0.25
 """Shares of the image beyond which what was found is not what it was taken for."""
@@ -96,7 +98,16 @@ def _fan(lit: Mask) -> Mask:
         return everything
     # The outermost pixels are half black.
     return np.asarray(
-        binary_erosion(np.pad(fan, RIM_PX, mode="edge"), iterations=RIM_PX)[
+        binary_erosion(np.pad(_closed(fan), RIM_PX, mode="edge"), iterations=RIM_PX)[
             (slice(RIM_PX, -RIM_PX),) * lit.ndim
         ]
     )
+
+
+def _closed(fan: Mask) -> Mask:
+    """The fan without its notches: closed by a ball, which a face's or a bottom's wide arc does not feel."""
+    from scipy.ndimage import distance_transform_edt
+
+    radius = max(1, round(NOTCH * min(fan.shape)))
+    grown = distance_transform_edt(~np.pad(fan, radius + 1)) <= radius
+    return np.asarray((distance_transform_edt(grown) > radius)[(slice(radius + 1, -radius - 1),) * fan.ndim])

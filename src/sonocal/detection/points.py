@@ -31,16 +31,19 @@ LEAST_SCORE = 4.0
 LEAST_NOISE = 1.0
 
 # Where a blob is cut (of its contrast), how deep a valley parts it, and whether its first echo is looked for.
-CUTS: dict[str, tuple[float, float, bool]] = {"head": (0.65, 0.1, True), "mass": (0.2, 0.3, False)}
+CUTS: dict[str, tuple[float, float, bool]] = {"head": (0.55, 0.1, True), "mass": (0.2, 0.3, False)}
 
-# error^2 = FLOOR + SHAPE x shape of the blob, by component, px^2. The first echo's is fitted to simulated needles:
-# along the beam it is harder to tell from what follows than its sides are. That of the mass is fitted to what
-# PLUS's own segmentation of real wires differs by.
-FLOOR_PX2 = {"head": 0.015, "mass": 0.02}
-SHAPE = {
-    "head": np.array([[0.00027, 0.00053], [0.00053, 0.00105]]),
-    "mass": np.array([[0.007, 0.0213], [0.0213, 0.065]]),
-}
+# error^2 = FLOOR + SHAPE x shape of the blob, by component, px^2. That of the first echo is fitted to simulated
+# needles, that of the mass to what PLUS's own segmentation of real wires differs by.
+FLOOR_PX2 = {"head": 0.003, "mass": 0.02}
+SHAPE = {"head": np.full((2, 2), 0.00015), "mass": np.array([[0.007, 0.0213], [0.0213, 0.065]])}
+
+# What a first echo's place is uncertain by as its tail runs into it and their phases happen to be: steeply more the
+# taller it is, in units of the image's finest scale, up to what a tail can move it by; beams are not quite upright.
+MERGED_SCALES = 10.0
+TAIL_PX2 = np.diag([0.14, 0.9])
+# The less an echo stands out, the less certain its place; the numbers above are for this contrast.
+USUAL_CONTRAST = 130.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +150,14 @@ class PointDetector:
         return blobs[:, :2], self._covariances(blobs), blobs[:, 2]
 
     def _covariances(self, blobs: Array) -> Array:
-        shape = SHAPE[self._centre] * blobs[:, [5, 6, 6, 7]].reshape(-1, 2, 2)
-        return np.asarray(FLOOR_PX2[self._centre] * np.eye(2) + shape)
+        shape = blobs[:, [5, 6, 6, 7]].reshape(-1, 2, 2)
+        covariances = FLOOR_PX2[self._centre] * np.eye(2) + SHAPE[self._centre] * shape
+        if self._centre == "head":
+            upright = shape[:, 1, 1] - shape[:, 0, 1] ** 2 / np.maximum(shape[:, 0, 0], 1e-9)
+            merged = np.clip(upright / (MERGED_SCALES * default_scales(self._shape)[0]) ** 2, 0, 1) ** 2
+            covariances += merged[:, None, None] * TAIL_PX2
+            covariances *= (USUAL_CONTRAST / blobs[:, 4])[:, None, None]
+        return np.asarray(covariances)
 
 
 def detect_points(
