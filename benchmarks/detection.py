@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -140,12 +140,10 @@ def real_points(data: Path) -> str:
     )
 
 
-def simulated_lines(volumes: int, seed: int) -> str:
+def simulated_lines(volumes: int, seeds: Sequence[int]) -> str:
     """Best of three lines against the truth in volumes of 128^3."""
-    options = SweepOptions(frames=volumes, rate_hz=4, sigma_px=0, hidden_share=0, seed=seed)
-    sweep = simulate_sweep(curvilinear_3d(), options=options)
     angles, offsets, times, squares = [], [], [], []
-    for volume, truth in zip(sweep.recording.frames, sweep.truth.points_px, strict=True):
+    for volume, truth in simulated_volumes(volumes, seeds):
         start = time.process_time()
         lines = detect_lines(volume)
         times.append(time.process_time() - start)
@@ -168,9 +166,17 @@ def simulated_lines(volumes: int, seed: int) -> str:
             squares.append(np.mean([o @ np.linalg.pinv(c, 1e-6) @ o / 2 for o, c in ends]))
     return (
         f"median {np.median(angles):.2f} deg, {np.median(offsets):.2f} voxel, "
-        f"{100 * len(squares) / volumes:.0f} % found; "
+        f"{100 * len(squares) / len(angles):.0f} % of {len(angles)} found; "
         f"{np.median(times):.3f} s of processor time (best {min(times):.3f}); mean square {np.mean(squares):.2f}"
     )
+
+
+def simulated_volumes(volumes: int, seeds: Sequence[int]) -> Iterator[tuple[Any, Any]]:
+    """Volumes and two true points of the needle in each."""
+    for seed in seeds:
+        options = SweepOptions(frames=volumes, rate_hz=4, sigma_px=0, hidden_share=0, seed=seed)
+        sweep = simulate_sweep(curvilinear_3d(), options=options)
+        yield from zip(sweep.recording.frames, sweep.truth.points_px, strict=True)
 
 
 def mapped_error(found: sc.Similarity, sweep: SimulatedSweep, geometry: ProbeGeometry) -> float:
@@ -268,7 +274,7 @@ def main() -> None:
                 linear(), SMALL_PARTS, replace(SMALL_PARTS, **BRIGHT), options.sweeps or (13, 23, 33)
             ),
         ),
-        "lines": ("simulated, 3D, 128^3", lambda: simulated_lines(options.volumes, 14)),
+        "lines": ("simulated, 3D, 128^3", lambda: simulated_lines(options.volumes, (14, 24, 34))),
         "images": ("500 images, 20 % hidden", lambda: end_to_end(curvilinear(), 500, 20.0, seeds, 1.0)),
         "volumes": (
             "100 volumes, 20 % hidden",

@@ -39,8 +39,10 @@ LEAST_SHARE_OF_FEW = 0.8
 LEAST_SHARE = 0.15
 LEAST_SHARE_OF_MANY = 0.5
 """With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
-TIGHTNESS = 4.0
-"""Standard deviations of the residuals within which a candidate is the needle, once a calibration is known."""
+TIGHTNESS = 5.0
+"""Standard deviations of the residuals within which a candidate is the needle, once a calibration is known.
+
+Those of all rows: where the needle is seen near an end, tracking noise is up to 1.4 times what it is on average."""
 
 LookAgain = Callable[[AxisScaled, Observations, float], Sequence[Observations]]
 """A calibration, the candidates near their needles, a distance in mm: to candidates near the other needles."""

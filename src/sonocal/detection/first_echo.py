@@ -34,7 +34,7 @@ TAIL = 0.3
 FAINT = 0.3
 """Of the usual contrast: where the needle is fainter it is not looked for."""
 FARTHEST_PX = 1.5
-TAIL_SLOPE = 5.0
+TAIL_SLOPE = 3.7
 """Grey levels a voxel by which a simulated tail tilts the flank: it moves the top by slope / (2 curvature)."""
 WIDEST_PX = 5.0
 """From a pulse's middle to where its paraboloid reaches the surroundings: what is blunter is none."""

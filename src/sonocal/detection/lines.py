@@ -40,7 +40,7 @@ LEAST_LENGTH_PX = 10.0
 LEAST_POINTS = 4
 LEAST_SHARE = 0.5
 """Of a line's sections: where fewer show a pulse, the line stays where it was."""
-FLOOR_PX2, ECHO_FLOOR_PX2 = 0.02, 0.003
+FLOOR_PX2, ECHO_FLOOR_PX2 = 0.02, 0.0017
 """Of an end's variance what sections do not show: through all that is bright, through the first echo (simulated)."""
 
 
