@@ -39,10 +39,11 @@ LEAST_SHARE_OF_FEW = 0.8
 LEAST_SHARE = 0.15
 LEAST_SHARE_OF_MANY = 0.5
 """With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
-TIGHTNESS = 5.0
+TIGHTNESS = {2: 4.0, 3: 5.0}
 """Standard deviations of the residuals within which a candidate is the needle, once a calibration is known.
 
-Those of all rows: where the needle is seen near an end, tracking noise is up to 1.4 times what it is on average."""
+Those of all rows: where a needle is seen near its end, tracking noise is up to 1.4 times what it is on average. Few lines
+of a volume have both ends near the needle by chance, so that there is no need to lose any of its own."""
 
 LookAgain = Callable[[AxisScaled, Observations, float], Sequence[Observations]]
 """A calibration, the candidates near their needles, a distance in mm: to candidates near the other needles."""
@@ -257,7 +258,8 @@ def _settle(
 def _fitting_threshold(table: _Table, transform: AxisScaled, chosen: NDArray[np.bool_]) -> float:
     distance = _distances(transform, table.points[chosen], table.rows.segments_mm[chosen])
     # The distance of a point to a line in space has two components: its median is 1.18 standard deviations.
-    return TIGHTNESS * float(np.median(distance)) / 1.1774 if len(distance) else np.inf
+    sigma = float(np.median(distance)) / 1.1774 if len(distance) else np.inf
+    return TIGHTNESS[table.rows.dimension] * sigma
 
 
 def _report(used: int, total: int, reasons: dict[str, int]) -> Diagnostic:

@@ -124,6 +124,12 @@ def test_a_volume_of_one_grey_has_no_line():
     assert detect_lines(np.zeros((32, 32, 32), np.uint8)) == []
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_has_no_line(seed):
+    noise = 60 + np.random.default_rng(seed).normal(scale=12, size=(SIDE,) * 3)
+    assert detect_lines(noise.clip(0, 255).astype(np.uint8)) == []
+
+
 def test_a_picture_is_no_volume():
     with pytest.raises(InputError, match="3D images of 16 px or more a side"):
         detect_lines(np.zeros((32, 32), np.uint8))

@@ -51,14 +51,14 @@ def bright_voxels(prominent: NDArray[np.float32]) -> tuple[Array, Array]:
     return places, flat[top].astype(float)
 
 
-def prominence_along(prominent: NDArray[np.float32], pool: int, ends: Array) -> Array:
-    """(N,): how far a line (2, 3) px of the volume stands out, at every step of the coarse one."""
+def prominence_along(prominent: NDArray[np.float32], pool: int, ends: Array) -> float:
+    """How far a line (2, 3) px of the volume stands out on average."""
     from scipy.ndimage import map_coordinates
 
     first, last = (ends - 0.5 * (pool - 1)) / pool
     steps = np.linspace(0, 1, 1 + int(np.linalg.norm(last - first)))[:, None]
     places = first + steps * (last - first)
-    return np.asarray(map_coordinates(prominent, places.T[::-1], order=1), dtype=float)
+    return float(map_coordinates(prominent, places.T[::-1], order=1).mean())
 
 
 def _noise(response: NDArray[np.float32], inside: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -27,13 +27,20 @@ from sonocal.errors import InputError
 from sonocal.geometry import Array
 from sonocal.recording import Recording
 
-__all__ = ["LineCandidate", "LineCandidates", "detect_lines", "detect_volumes", "line_through_slices"]
+__all__ = [
+    "LineCandidate",
+    "LineCandidates",
+    "detect_line_near",
+    "detect_lines",
+    "detect_volumes",
+    "line_through_slices",
+]
 
 COUNT = 3
 REACH_PX, NEAR_PX = 6.0, 3.0
 """How far the needle may be from a coarse line, and from where a calibration says it is."""
 LEAST_PROMINENCE = 1.5
-"""Of what lies along a line on average, in units of noise: noise itself reaches half of that."""
+"""Of what lies along a line, on average, in units of noise: in noise alone lines reach a third of that."""
 SECTION_PX = 3.0
 """What belongs to a line through slices."""
 LEAST_LENGTH_PX = 10.0
@@ -152,7 +159,11 @@ def detect_lines(
             break
         ends, score = coarse
         line = _refined(grey, voxels(ends, pool), score, REACH_PX)
-        if line is not None and all(_apart(line, other) for other in found):
+        if (
+            line is not None
+            and prominence_along(prominent, pool, line.ends_px) >= LEAST_PROMINENCE
+            and all(_apart(line, other) for other in found)
+        ):
             found.append(line)
         left = distances(places, ends) > SHELL_PX
         places, weights = places[left], weights[left]
@@ -180,8 +191,8 @@ def detect_line_near(
     line = None if ends is None else _refined(grey, ends, 0.0, NEAR_PX)
     if line is None:
         return None
-    along = prominence_along(*prominence(grey), line.ends_px)
-    return replace(line, score=float(along.sum())) if along.mean() >= LEAST_PROMINENCE else None
+    score = prominence_along(*prominence(grey), line.ends_px)
+    return replace(line, score=score) if score >= LEAST_PROMINENCE else None
 
 
 def line_through_slices(
