@@ -42,8 +42,8 @@ LEAST_SHARE_OF_MANY = 0.5
 TIGHTNESS = {2: 4.0, 3: 5.0}
 """Standard deviations of the residuals within which a candidate is the needle, once a calibration is known.
 
-Those of all rows: where a needle is seen near its end, tracking noise is up to 1.4 times what it is on average. Few lines
-of a volume have both ends near the needle by chance, so that there is no need to lose any of its own."""
+Those of all rows: where a needle is seen near its end, tracking noise is up to 1.4 times what it is on average. Few
+lines of a volume have both ends near the needle by chance, so that there is no need to lose any of its own."""
 
 LookAgain = Callable[[AxisScaled, Observations, float], Sequence[Observations]]
 """A calibration, the candidates near their needles, a distance in mm: to candidates near the other needles."""
