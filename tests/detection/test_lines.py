@@ -22,9 +22,9 @@ def tube(first, second, noise=3.0, seed=0):
     return volume.clip(0, 255).astype(np.uint8)
 
 
-def tailed(first, second, tail, volume_side=SIDE):
+def tailed(first, second, tail):
     """Log-compressed pulses along a segment, each followed by two weaker ones towards `tail`, indexed [w, v, u]."""
-    w, v, u = np.mgrid[:volume_side, :volume_side, :volume_side]
+    w, v, u = np.mgrid[:SIDE, :SIDE, :SIDE]
     points = np.stack([u, v, w], axis=-1) - np.asarray(first, dtype=float)
     along = np.subtract(second, first).astype(float)
     amplitude = np.full(points.shape[:3], 10 ** (-40 / 20))
