@@ -17,12 +17,16 @@ import numpy as np
 
 import sonocal as sc
 from sonocal.detection import PointDetector, detect_lines, detect_points, find_mask
-from sonocal.needle_sweep import calibrate_points, calibrate_recording
-from sonocal.recording import ArrayFrames, read_recording
-from sonocal.sightings import Detections
+from sonocal.recording import ArrayFrames
+from sonocal.recording.formats import read_recording
 from sonocal.simulation.sweep import SimulatedSweep, SweepOptions, simulate_sweep
 from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, Look
 from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
+from sonocal.sweep import (
+    Detections,
+    calibrate_points,
+    calibrate_recording,
+)
 
 # One pixel of the paper's 0.24 mm, in voxels of the 3D probe.
 PAPER_MM_PER_PX = 0.24

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
-from sonocal.recording import calibrate_pivot
+from sonocal.tools import calibrate_pivot
 
 DATA = Path(__file__).parent.parent.parent / "shared" / "data" / "pivot" / "tool_poses.txt"
 THREE_POSES = np.array([-18.586, 1.98134, -157.439])

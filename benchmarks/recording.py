@@ -16,7 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sonocal.recording import ArrayFrames, ImageGeometry, Poses, Recording, read_recording, write_recording
+from sonocal.recording import (
+    ArrayFrames,
+    ImageGeometry,
+    Poses,
+    Recording,
+)
+from sonocal.recording.formats import (
+    read_recording,
+    write_recording,
+)
 
 DATA = Path(__file__).parent.parent.parent / "shared" / "data" / "recordings"
 REAL = "fCal_Test_Calibration_3NWires.igs.mha"

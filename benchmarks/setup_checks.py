@@ -8,7 +8,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from tests.setup_checks.faults import FAULTS, false_alarms, is_found
+from benchmarks.simulators.faults import (
+    FAULTS,
+    false_alarms,
+    is_found,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -15,8 +15,8 @@ import numpy as np
 
 import sonocal as sc
 from sonocal import _core
-from sonocal.calibration import area_places, point_line_rows
-from sonocal.geometry import Similarity
+from sonocal.calibration import point_line_rows
+from sonocal.geometry import Similarity, area_places
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows, transform_arrays
 from sonocal.registration.uncertainty import point_covariance

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import sonocal as sc
+from sonocal.calibration import line_distances
 from sonocal.geometry import AxisScaled
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import (
@@ -32,7 +33,7 @@ from sonocal.validation import (
     repeatability,
     validate,
 )
-from sonocal.validation.held_out import line_distances, refitted
+from sonocal.validation.held_out import refitted
 
 FITTED, HELD_OUT, ENDLESS = 50, 40, 3000
 IMAGE = (500, 500)

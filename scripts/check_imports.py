@@ -1,118 +1,181 @@
-"""Which room may import which, as data, and the check of it."""
+"""Which room may import which, as data, and the check of it: no arrow upwards, no circle, nothing heavy at the door."""
 
 from __future__ import annotations
 
 import ast
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGE = Path(__file__).parent.parent / "src" / "sonocal"
+ROOT = Path(__file__).parent.parent
+SOURCE = ROOT / "src" / "sonocal"
 
-# Every room may import `errors`, `files`, `findings`, `geometry`, `tables` and NumPy, except where its row says less.
-# A room is a module or a folder beside __init__.py; the calibration room has several modules.
-EVERYONE = {"errors", "files", "findings", "geometry", "tables"}
-CALIBRATION = {"calibration", "calibration_file", "diagnostics"}
-ALLOWED: dict[str, set[str]] = {
-    "errors": set(),
+# From the top of the house to its foundation: a room imports rooms below it that its row names, and what everyone may.
+# A folder in a room that has a row of its own is a room.
+EVERYONE = {"errors", "files", "findings", "geometry"}
+ALL = {"*"}
+ROOMS: dict[str, set[str]] = {
+    "__main__": {"cli"},
+    "cli": ALL,
+    "cli.screen": ALL - {"cli"},
+    "studies": {
+        "calibration",
+        "observations",
+        "registration",
+        "report",
+        "simulation",
+        "validation",
+        "_core",
+    },
+    "simulation": {"recording", "recording.formats", "observations", "targets"},
+    "export": {"calibration", "validation"},
+    "report": {"calibration", "validation", "observations", "registration"},
+    "setup_checks": {"calibration", "validation", "observations", "registration"},
+    "validation": {"calibration", "observations", "registration"},
+    "sweep": {"calibration", "detection", "recording", "observations", "targets", "registration"},
+    "calibration": {"observations", "registration"},
+    "detection": {"recording", "recording.formats", "_core"},
+    "registration": {"_core"},
+    "tools": {"recording", "targets"},
+    "recording.formats": {"recording"},
+    "recording": {"targets"},
+    "observations": {"targets"},
+    "targets": set(),
+    "geometry": {"errors"},
     "files": {"errors"},
     "findings": set(),
-    "geometry": {"errors"},
-    "tables": {"errors"},
-    "contents": EVERYONE,
-    "observations": EVERYONE,
-    "registration": EVERYONE | {"_core"},
-    "recording": EVERYONE,
-    "detection": EVERYONE | {"recording", "_core"},
-    "tool_calibration": EVERYONE | {"recording"},
-    "sightings": EVERYONE | {"observations", "recording"},
-    "candidates": EVERYONE | CALIBRATION | {"observations", "registration"},
-    "needle_sweep": EVERYONE
-    | CALIBRATION
-    | {"candidates", "detection", "observations", "recording", "second_look", "sightings"},
-    "second_look": EVERYONE | {"candidates", "detection", "observations", "recording"},
-    "contact_sheet": EVERYONE | {"detection", "recording"},
-    "diagnostics": EVERYONE | {"registration"},
-    # `report` only inside Calibration.plot_..., when one is called.
-    "calibration": EVERYONE
-    | CALIBRATION
-    | {"observations", "registration", "recording", "detection", "report"},
-    "calibration_file": EVERYONE | CALIBRATION | {"registration"},
-    "export": EVERYONE | CALIBRATION,
-    "validation": EVERYONE | CALIBRATION | {"observations", "registration"},
-    "setup_checks": EVERYONE | CALIBRATION | {"observations", "registration"},
-    "report": EVERYONE | CALIBRATION | {"observations", "registration", "validation"},
-    "terminal_validation": EVERYONE | CALIBRATION | {"report", "terminal_parts", "validation"},
-    "simulation": EVERYONE | {"recording", "observations"},
-    "studies": EVERYONE
-    | CALIBRATION
-    | {"_core", "observations", "registration", "report", "simulation", "validation"},
-    "terminal_parts": EVERYONE,
-    "terminal_study": EVERYONE | {"studies"},
-    "terminal": EVERYONE | CALIBRATION | {"observations", "registration", "simulation", "terminal_parts"},
-    "terminal_recording": EVERYONE | {"recording", "sightings", "terminal_parts", "tool_calibration"},
+    "errors": set(),
+    "_core": set(),
 }
-# These see everything: the public face and the command line.
-UNRESTRICTED = {"__init__", "__main__"} | {path.stem for path in PACKAGE.glob("cli*.py")}
+# The public face is lazy: it names rooms and imports none.
+FACE = "__init__"
+MOST_AT_THE_ROOT = 5
+
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {
-    "scipy",
-    "click",
-    "rich",
-    "matplotlib",
-    "jinja2",
-    "h5py",
-    "nrrd",
-    "pydicom",
-    "av",
-    "PIL",
-    "dask",
+    *("scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL", "dask"),
     "distributed",
 }
-LAZY_EXEMPT = {path.stem: {"click"} for path in PACKAGE.glob("cli*.py")}
-LAZY_EXEMPT |= {path.stem: {"rich"} for path in PACKAGE.glob("terminal*.py")}
+LAZY_EXEMPT = {"cli": {"click"}, "cli.screen": {"rich"}}
 
-
-def imported(tree: ast.AST, *, module_level: bool) -> set[str]:
-    """Dotted names that a module imports, anywhere or only where it is itself imported."""
-    names: set[str] = set()
-    nodes = tree.body if module_level and isinstance(tree, ast.Module) else ast.walk(tree)
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= (
-                {f"{node.module}.{alias.name}" for alias in node.names}
-                if node.module == "sonocal"
-                else {node.module}
-            )
-    return names
-
-
-def problems(path: Path) -> list[str]:
-    """What one module imports and may not."""
-    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-    if room in UNRESTRICTED and not room.startswith("cli"):
-        return []
-    if room not in ALLOWED and room not in UNRESTRICTED:
-        return [f"{path}: the room {room!r} has no row in the import table of {Path(__file__).name}"]
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    found = []
-    if room not in UNRESTRICTED:
-        for name in sorted(imported(tree, module_level=False)):
-            parts = name.split(".")
-            if parts[0] == "sonocal" and len(parts) > 1 and parts[1] not in ALLOWED[room] | {room}:
-                found.append(f"{path}: {room} must not import {name}")
-    for name in sorted(imported(tree, module_level=True)):
-        if name.split(".")[0] in LAZY - LAZY_EXEMPT.get(room, set()):
-            found.append(f"{path}: import {name} inside the function that needs it")
-    return found
+# What stands beside the package may import these, and nothing of one another.
+OUTSIDE = {
+    "tests": {"tests", "scripts", "benchmarks"},
+    "benchmarks": {"benchmarks"},
+    "scripts": {"tests", "benchmarks"},
+}
 
 
 def main() -> int:
     """Print what breaks the table; 1 if anything does."""
-    found = [problem for path in sorted(PACKAGE.rglob("*.py")) for problem in problems(path)]
+    modules = {dotted(path): path for path in sorted(SOURCE.rglob("*.py"))}
+    arrows = {name: imported(path, modules) for name, path in modules.items()}
+    found = [
+        *at_the_root(),
+        *(problem for name in modules for problem in against_table(name, arrows[name])),
+        *(problem for name, path in modules.items() for problem in heavy_imports(name, path)),
+        *(f"a circle: {' -> '.join(circle)}" for circle in circles(arrows)),
+        *outside(),
+    ]
     print("\n".join(found) if found else "imports follow the table")
     return 1 if found else 0
+
+
+def dotted(path: Path) -> str:
+    """A module's name below the package; that of a folder for its face."""
+    parts = path.relative_to(SOURCE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == FACE and len(parts) > 1 else parts)
+
+
+def room_of(name: str) -> str:
+    """The innermost room that a module stands in."""
+    parts = name.split(".")
+    rooms = (".".join(parts[:end]) for end in range(len(parts), 0, -1))
+    return next((room for room in rooms if room in ROOMS), parts[0])
+
+
+def imported(path: Path, modules: dict[str, Path]) -> set[str]:
+    """The package's modules that one imports, anywhere in it."""
+    found = set()
+    for name in names_in(ast.walk(ast.parse(path.read_text(encoding="utf-8")))):
+        if name.split(".")[0] == "sonocal":
+            inside = name.removeprefix("sonocal").removeprefix(".")
+            module = inside if inside in modules or inside == "_core" else inside.rpartition(".")[0]
+            found |= {module or FACE}
+    return found - {dotted(path)}
+
+
+def names_in(nodes: Iterator[ast.AST]) -> Iterator[str]:
+    """Dotted names that import statements bring in."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def against_table(name: str, arrows: set[str]) -> Iterator[str]:
+    """Arrows of a module that its room's row does not allow, or that run upwards."""
+    if name == FACE:
+        return
+    room, order = room_of(name), list(ROOMS)
+    if room not in ROOMS:
+        yield f"{name}: the room {room!r} has no row in the table of {Path(__file__).name}"
+        return
+    for other in sorted(arrows):
+        to = room_of(other)
+        if other == FACE and room != "cli":
+            yield f"{name}: imports the public face; name the room that it wants"
+        elif other != FACE and to != room and not allowed(room, to):
+            yield f"{name}: {room} must not import {other}"
+        elif to in ROOMS and order.index(to) < order.index(room):
+            yield f"{name}: imports {other}, which stands above it"
+
+
+def allowed(room: str, to: str) -> bool:
+    """Whether a room's row, or what everyone may, names another room."""
+    row = ROOMS[room]
+    return to in row or "*" in row or (to in EVERYONE and room not in EVERYONE)
+
+
+def heavy_imports(name: str, path: Path) -> Iterator[str]:
+    """Third parties that are imported where the module is, and not where they are needed."""
+    for third in sorted(set(names_in(iter(ast.parse(path.read_text(encoding="utf-8")).body)))):
+        if third.split(".")[0] in LAZY - LAZY_EXEMPT.get(room_of(name), set()):
+            yield f"{name}: import {third} inside the function that needs it"
+
+
+def circles(arrows: dict[str, set[str]]) -> Iterator[list[str]]:
+    """One circle for each module at which a walk along the arrows comes back to where it is."""
+    done: set[str] = set()
+
+    def walk(name: str, path: list[str]) -> Iterator[list[str]]:
+        if name in path:
+            yield [*path[path.index(name) :], name]
+        elif name not in done:
+            for other in sorted(arrows.get(name, ())):
+                yield from walk(other, [*path, name])
+            done.add(name)
+
+    for name in arrows:
+        yield from walk(name, [])
+
+
+def at_the_root() -> Iterator[str]:
+    """Modules that stand beside the rooms instead of in one."""
+    standing = sorted(path.name for path in SOURCE.glob("*.py"))
+    if len(standing) > MOST_AT_THE_ROOT:
+        yield f"{len(standing)} modules at the package's root ({', '.join(standing)}); give them a room"
+
+
+def outside() -> Iterator[str]:
+    """Arrows between what stands beside the package, and imports inside it of what stands outside."""
+    for folder, may in {**OUTSIDE, "src": set[str]()}.items():
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for name in names_in(ast.walk(ast.parse(path.read_text(encoding="utf-8")))):
+                top = name.split(".")[0]
+                if top in OUTSIDE and top not in may:
+                    yield f"{path.relative_to(ROOT)}: {folder} must not import {name}"
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 
 Each reader runs in a process of its own, from the sound and the damaged files of the tests. A foreign exception, more
 than a minute for one input or more than 1 GB of memory stops it; libFuzzer then names the file that holds the input.
-The hypothesis tests (tests/recording/test_fuzz.py) ask the same of fewer inputs, and run everywhere.
+The hypothesis tests (tests/recording/formats/test_fuzz.py) ask the same of fewer inputs, and run everywhere.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def main() -> int:
     if arguments.folder:
         fuzz(arguments.readers[0], arguments.seconds, arguments.folder)
         return 0
-    from tests.readers import READERS
+    from tests.builders.readers import READERS
 
     failed = [name for name in arguments.readers or READERS if not passes(name, arguments.seconds)]
     print(f"failed: {', '.join(failed)}" if failed else "only sentences came out")
@@ -60,7 +60,10 @@ def passes(name: str, seconds: int) -> bool:
 def fuzz(name: str, seconds: int, folder: Path) -> None:
     """Fuzz one reader; does not return."""
     import atheris
-    from tests.readers import READERS, sound_files
+    from tests.builders.readers import (
+        READERS,
+        sound_files,
+    )
 
     from sonocal import SonocalError
 

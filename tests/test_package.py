@@ -9,9 +9,10 @@ import pytest
 import sonocal as sc
 
 PUBLIC = [
-    "AxisScaled", "Calibration", "DegenerateGeometryError", "ErrorStatistics", "FormatError", "InputError",
-    "NoConsensusError", "Observations", "Recording", "Similarity", "SonocalError", "UnsupportedError", "__version__",
-    "calibrate", "load", "read_observations", "read_recording", "write_observations", "write_recording",
+    "AxisScaled", "Calibration", "DegenerateGeometryError", "Diagnostic", "ErrorStatistics", "FormatError",
+    "InputError", "Line", "NoConsensusError", "Observations", "Recording", "Similarity", "SonocalError",
+    "UnsupportedError", "__version__", "calibrate", "calibrate_recording", "load", "read_observations",
+    "read_recording", "write_observations", "write_recording",
 ]  # fmt: skip
 
 
@@ -39,6 +40,21 @@ def test_readers_of_recordings_wait_until_they_are_asked_for():
     assert done.stdout.split() == ["False", "read_recording"]
     with pytest.raises(AttributeError, match="has no attribute 'read_recordings'"):
         _ = sc.read_recordings
+
+
+def test_registration_loads_no_ultrasound():
+    code = (
+        "import sys, sonocal.registration; print(sorted(m for m in sys.modules if m.startswith('sonocal')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    rooms = {name.split(".")[1] for name in eval(done.stdout) if "." in name}
+    assert rooms == {"_core", "errors", "geometry", "registration"}
+
+
+def test_the_face_lists_its_names_before_any_is_used():
+    code = "import sonocal; print(dir(sonocal))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(PUBLIC) <= set(eval(done.stdout))
 
 
 def test_every_error_is_a_sonocal_error():

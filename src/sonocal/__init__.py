@@ -1,22 +1,27 @@
 """Calibrate a tracked ultrasound probe with a tracked needle."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from sonocal.calibration import Calibration, ErrorStatistics, calibrate
-from sonocal.calibration_file import load_calibration as load
-from sonocal.errors import (
-    DegenerateGeometryError,
-    FormatError,
-    InputError,
-    NoConsensusError,
-    SonocalError,
-    UnsupportedError,
-)
-from sonocal.geometry import AxisScaled, Similarity
-from sonocal.observations import Observations, read_observations, write_observations
-
 if TYPE_CHECKING:
-    from sonocal.recording import Recording, read_recording, write_recording
+    from sonocal.calibration import Calibration, ErrorStatistics
+    from sonocal.calibration import load_calibration as load
+    from sonocal.calibration.calibrate import calibrate
+    from sonocal.errors import (
+        DegenerateGeometryError,
+        FormatError,
+        InputError,
+        NoConsensusError,
+        SonocalError,
+        UnsupportedError,
+    )
+    from sonocal.findings import Diagnostic
+    from sonocal.geometry import AxisScaled, Similarity
+    from sonocal.observations import Observations, read_observations, write_observations
+    from sonocal.recording import Recording
+    from sonocal.recording.formats import read_recording, write_recording
+    from sonocal.sweep import calibrate_recording
+    from sonocal.targets import Line
 
 __version__ = "0.1.0"
 
@@ -24,9 +29,11 @@ __all__ = [
     "AxisScaled",
     "Calibration",
     "DegenerateGeometryError",
+    "Diagnostic",
     "ErrorStatistics",
     "FormatError",
     "InputError",
+    "Line",
     "NoConsensusError",
     "Observations",
     "Recording",
@@ -35,6 +42,7 @@ __all__ = [
     "UnsupportedError",
     "__version__",
     "calibrate",
+    "calibrate_recording",
     "load",
     "read_observations",
     "read_recording",
@@ -42,11 +50,36 @@ __all__ = [
     "write_recording",
 ]
 
+# A room is imported when one of its names is asked for: registration needs no ultrasound, a table no recording.
+_ROOMS = {
+    "calibration": ("Calibration", "ErrorStatistics", "calibrate"),
+    "errors": (
+        "DegenerateGeometryError",
+        "FormatError",
+        "InputError",
+        "NoConsensusError",
+        "SonocalError",
+        "UnsupportedError",
+    ),
+    "findings": ("Diagnostic",),
+    "geometry": ("AxisScaled", "Similarity"),
+    "observations": ("Observations", "read_observations", "write_observations"),
+    "recording": ("Recording",),
+    "recording.formats": ("read_recording", "write_recording"),
+    "sweep": ("calibrate_recording",),
+    "targets": ("Line",),
+}
+_PLACES = {name: (room, name) for room, names in _ROOMS.items() for name in names}
+_PLACES["load"] = ("calibration", "load_calibration")
+
 
 def __getattr__(name: str) -> Any:
-    """What belongs to recordings is imported when it is asked for: tables need none of it."""
-    if name not in ("Recording", "read_recording", "write_recording"):
+    if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from sonocal import recording
+    room, own_name = _PLACES[name]
+    value = globals()[name] = getattr(import_module(f"{__name__}.{room}"), own_name)
+    return value
 
-    return getattr(recording, name)
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,5 +1,5 @@
 """``python -m sonocal`` is ``sonocal``."""
 
-from sonocal.cli import main
+from sonocal.cli.main import main
 
 main(prog_name="sonocal")

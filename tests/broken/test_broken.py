@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from sonocal import FormatError, InputError, UnsupportedError
-from sonocal.recording import health, read_device_set, read_recording
+from sonocal.recording import health
+from sonocal.recording.formats import read_recording
+from sonocal.targets import read_device_set
 from tests.broken.make_files import FILES
 
 HERE = Path(__file__).parent

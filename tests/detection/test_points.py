@@ -5,7 +5,12 @@ import pytest
 
 import sonocal as sc
 from sonocal.detection import PointDetector, as_grey, detect_points, find_mask
-from sonocal.recording import ArrayFrames, ImageGeometry, Recording, read_recording
+from sonocal.recording import (
+    ArrayFrames,
+    ImageGeometry,
+    Recording,
+)
+from sonocal.recording.formats import read_recording
 
 SHAPE = (120, 160)
 

@@ -5,7 +5,7 @@ import pytest
 
 from sonocal.export import itk, slicer
 from sonocal.geometry import AxisScaled
-from tests.conftest import random_similarity
+from tests.builders.similarities import random_similarity
 
 WRITERS = {
     ".tfm": (itk.itk_tfm, slicer.slicer_tfm),

@@ -6,8 +6,8 @@ import pytest
 
 import sonocal as sc
 from sonocal.export.plus import plus_xml, put_into_device_set
-from sonocal.recording import read_device_set
 from sonocal.simulation.scene import simulate_observations
+from sonocal.targets import read_device_set
 
 OLD = '<Transform From="Image" To="Probe" Matrix="1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1" Error="9" Date="010203_040506" />'
 DEVICES = f"""<?xml version="1.0" encoding="UTF-8"?>

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import sonocal as sc
 from sonocal.geometry import homogeneous_points
 from sonocal.simulation.scene import simulate_observations
-from tests.conftest import random_similarity
+from tests.builders.similarities import random_similarity
 
 seeds = st.integers(0, 5_000)
 dimensions = st.sampled_from([2, 3])

@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.laws.minimal_problems import ALL, Problem, Solver, make, misses, rotations
+from tests.builders.minimal_problems import (
+    ALL,
+    Problem,
+    Solver,
+    make,
+    misses,
+    rotations,
+)
 
 BATCH = 64
 ROUNDING = 1e-6

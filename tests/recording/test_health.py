@@ -4,8 +4,17 @@ import numpy as np
 import pytest
 
 from sonocal import InputError
-from sonocal.recording import ArrayFrames, Poses, health, read_recording, summarize
-from tests.recording.makers import random_poses, random_recording
+from sonocal.recording import (
+    ArrayFrames,
+    Poses,
+    health,
+    summarize,
+)
+from sonocal.recording.formats import read_recording
+from tests.builders.recordings import (
+    random_poses,
+    random_recording,
+)
 
 
 def healthy(n=40):

@@ -13,10 +13,13 @@ from sonocal.recording import (
     interpolate_poses,
     join,
     motion_signal,
-    read_recording,
     with_latency,
 )
-from tests.recording.makers import random_poses, random_recording
+from sonocal.recording.formats import read_recording
+from tests.builders.recordings import (
+    random_poses,
+    random_recording,
+)
 
 PLUS_LAG_S = -0.0648266  # TemporalCalibrationResultsBaseline.xml
 

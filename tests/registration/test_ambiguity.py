@@ -7,7 +7,7 @@ import sonocal as sc
 from sonocal.calibration import point_line_rows
 from sonocal.registration.ambiguity import better_of_mirrored, mirrored_answer
 from sonocal.registration.robust import fit_point_lines
-from tests.conftest import random_similarity
+from tests.builders.similarities import random_similarity
 
 TRUTH = random_similarity(11, scale=0.24)
 

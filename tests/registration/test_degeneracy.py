@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import sonocal as sc
 from sonocal.geometry import homogeneous_points
-from tests.conftest import random_similarity
+from tests.builders.similarities import random_similarity
 
 seeds = st.integers(0, 5_000)
 TRUTH = random_similarity(11, scale=0.24)

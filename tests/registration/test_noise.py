@@ -9,7 +9,7 @@ from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
 from sonocal.simulation.scene import simulate_observations
-from tests.conftest import random_similarity
+from tests.builders.similarities import random_similarity
 
 
 def wires(seed, sigma, per_frame=9, frames=40):

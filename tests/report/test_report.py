@@ -9,11 +9,22 @@ import numpy as np
 import pytest
 
 import sonocal as sc
-from sonocal.diagnostics import Diagnostic
-from sonocal.report import FrameImage, give_verdict, report_html
-from sonocal.report.pictures import MOST_PICTURES, needle_in_image, needle_in_volume, picture_svg
+from sonocal import report
+from sonocal.calibration.diagnostics import Diagnostic
+from sonocal.geometry import (
+    needle_in_image,
+    needle_in_volume,
+)
+from sonocal.report import (
+    FrameImage,
+    report_html,
+)
+from sonocal.report.pictures import (
+    MOST_PICTURES,
+    picture_svg,
+)
 from sonocal.simulation.scene import simulate_observations
-from sonocal.validation import compare, validate
+from sonocal.validation import compare, give_verdict, validate
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 # Of the task: a page that opens at once and goes through any mail.
@@ -198,16 +209,16 @@ def test_figures_draw_on_a_given_axis_and_leave_the_global_state_alone(scan):
     rows, found = scan
     before = dict(mpl.rcParams)
     figure = Figure()
-    found.plot_predicted_error(figure.add_subplot(331), rows)
-    found.plot_residuals_over_image(figure.add_subplot(332), rows)
-    found.plot_residuals_by_frame(
-        figure.add_subplot(333), rows.select_split("fit"), rows.select_split("test")
+    report.plot_predicted_error(figure.add_subplot(331), found, rows)
+    report.plot_residuals_over_image(figure.add_subplot(332), found, rows)
+    report.plot_residuals_by_frame(
+        figure.add_subplot(333), found, rows.select_split("fit"), rows.select_split("test")
     )
-    found.plot_tilts(figure.add_subplot(334, projection="polar"), rows)
-    for place, plot in enumerate((found.plot_frames, found.plot_weak_motion), start=5):
-        plot(figure.add_subplot(3, 3, place, projection="3d"))
-    found.plot_needles(figure.add_subplot(337, projection="3d"), rows)
-    found.plot_frame(figure.add_subplot(338), frames_of(rows, 1)[0])
+    report.plot_tilts(figure.add_subplot(334, projection="polar"), found, rows)
+    for place, plot in enumerate((report.plot_frames, report.plot_weak_motion), start=5):
+        plot(figure.add_subplot(3, 3, place, projection="3d"), found)
+    report.plot_needles(figure.add_subplot(337, projection="3d"), found, rows)
+    report.plot_frame(figure.add_subplot(338), found, frames_of(rows, 1)[0])
     assert all(
         axis.get_title(loc="left") or axis.get_title()
         for axis in figure.axes
@@ -221,7 +232,7 @@ def test_the_map_shows_the_predicted_error(scan):
 
     _, found = scan
     axis = Figure().add_subplot()
-    found.plot_predicted_error(axis)
+    report.plot_predicted_error(axis, found)
     (drawn,) = [c for c in axis.collections if c.get_array() is not None]
     below = found.predicted_errors()[2]
     low, high = drawn.get_clim()
@@ -235,18 +246,18 @@ def test_without_covariance_there_is_no_map():
     found = without_covariance()
     assert "Predicted error over the image" not in report_html(found).decode()
     with pytest.raises(sc.UnsupportedError):
-        found.plot_predicted_error(Figure().add_subplot())
+        report.plot_predicted_error(Figure().add_subplot(), found)
     with pytest.raises(sc.UnsupportedError, match="no weakest motion"):
-        found.plot_weak_motion(Figure().add_subplot(projection="3d"))
+        report.plot_weak_motion(Figure().add_subplot(projection="3d"), found)
 
 
 def test_the_needle_is_drawn_where_it_crosses_the_image():
     scene = simulate_observations(2, 20, sigma_px=0, sigma_mm=0, seed=2)
     found = sc.calibrate(scene.observations)
-    crossing = needle_in_image(found, scene.observations.segments_mm)
+    crossing = needle_in_image(found.probe_from_image, scene.observations.segments_mm)
     np.testing.assert_allclose(crossing, scene.observations.points_px, atol=1e-6)
     above_the_image = (found.probe_from_image @ np.array([[0.0, 0, 20], [100, 0, 20]]))[None]
-    met = needle_in_image(found, above_the_image)
+    met = needle_in_image(found.probe_from_image, above_the_image)
     assert np.isnan(met).all() or np.abs(met).max() > 1e6
 
 
@@ -254,7 +265,7 @@ def test_the_needle_in_a_volume_passes_through_its_points_and_ends_at_the_walls(
     scene = simulate_observations(3, 20, sigma_px=0, sigma_mm=0, seed=2)
     rows = scene.observations
     found = sc.calibrate(rows, image_size_px=(500, 500, 500))
-    start, end = np.moveaxis(needle_in_volume(found, rows.segments_mm), 1, 0)
+    start, end = np.moveaxis(needle_in_volume(found.probe_from_image, found.area_px, rows.segments_mm), 1, 0)
     along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
     away = rows.points_px - start
     np.testing.assert_allclose(away - np.sum(away * along, axis=1, keepdims=True) * along, 0, atol=1e-5)
@@ -264,7 +275,7 @@ def test_the_needle_in_a_volume_passes_through_its_points_and_ends_at_the_walls(
     at_wall = np.any(np.isclose(ends, 0, atol=1e-6) | np.isclose(ends, 499, atol=1e-6), axis=2)
     assert np.all(at_wall.any(axis=0))
     beside = rows.segments_mm + 1000.0 * found.probe_from_image.rotation[:, 0]
-    assert np.isnan(needle_in_volume(found, beside)).all()
+    assert np.isnan(needle_in_volume(found.probe_from_image, found.area_px, beside)).all()
 
 
 def test_pictures_of_volumes_show_each_needle_once_as_a_line():

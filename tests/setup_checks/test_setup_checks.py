@@ -2,6 +2,17 @@
 
 import numpy as np
 import pytest
+from benchmarks.simulators.faults import (
+    FAULTS,
+    altered,
+    carried,
+    false_alarms,
+    is_found,
+    late,
+    raised,
+    sound,
+)
+from benchmarks.simulators.scans import scan
 
 import sonocal as sc
 from sonocal.setup_checks import (
@@ -12,8 +23,6 @@ from sonocal.setup_checks import (
     check_slip,
     check_tool_frame,
 )
-from tests.setup_checks.faults import FAULTS, altered, carried, false_alarms, is_found, late, raised, sound
-from tests.setup_checks.scans import scan
 
 SEEDS = range(50)
 # Of 50 scans: found in at least, raised without cause in at most.

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import pytest
 from click.testing import CliRunner
 
-from sonocal.cli import main
+from sonocal.cli.main import main
 from sonocal.errors import InputError
 from sonocal.studies import cluster, load_study, run_study, running, threads
 

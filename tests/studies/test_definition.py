@@ -3,10 +3,14 @@
 import pytest
 from click.testing import CliRunner
 
-from sonocal.cli import main
+from sonocal.cli.main import main
 from sonocal.errors import FormatError, InputError
-from sonocal.studies import built_in_names, load_study
-from sonocal.studies.summary import Row, answer_sentences
+from sonocal.studies import (
+    Row,
+    answer_sentences,
+    built_in_names,
+    load_study,
+)
 
 GOOD = """
 name = "mine"

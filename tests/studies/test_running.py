@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from sonocal.errors import FormatError, InputError, UnsupportedError
-from sonocal.studies import Scene, Study, Workers, run_study, running, summarise, threads
-from sonocal.studies.store import MANIFEST, Store
+from sonocal.studies import Scene, Store, Study, Workers, run_study, running, summarise, threads
+from sonocal.studies.store import MANIFEST
 
 STUDY = Study(
     name="small",

@@ -5,7 +5,11 @@ import numpy as np
 import pytest
 
 from sonocal.geometry import Similarity
-from sonocal.studies.scene import BLOCK_TRIALS, Scene, simulate_block
+from sonocal.studies import Scene
+from sonocal.studies.scene import (
+    BLOCK_TRIALS,
+    simulate_block,
+)
 
 
 def line_distances(truth, points, segments):

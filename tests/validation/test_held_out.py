@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 import sonocal as sc
+from sonocal.calibration import line_distances
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import held_out, leave_one_frame_out, leave_one_target_out, repeatability
-from sonocal.validation.held_out import independent_units, line_distances, refitted
+from sonocal.validation.held_out import (
+    independent_units,
+    refitted,
+)
 from sonocal.validation.repeatability import _balanced_halves
-from tests.conftest import random_similarity
+from tests.builders.similarities import random_similarity
 
 
 @pytest.fixture(scope="module")

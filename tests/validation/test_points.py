@@ -15,7 +15,7 @@ from sonocal.validation import (
     reconstruction_accuracy,
     validate_points,
 )
-from tests.conftest import random_similarity
+from tests.builders.similarities import random_similarity
 
 
 def poses_of(seed, count):

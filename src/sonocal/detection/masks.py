@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sonocal.detection.grey import as_grey
 from sonocal.errors import InputError
-from sonocal.recording import read_recording
+from sonocal.recording.formats import read_recording
 
 __all__ = ["find_mask", "read_mask"]
 

@@ -139,3 +139,33 @@ def _inverted(matrices: Array, valid: Mask) -> Array:
 def _snake(name: str) -> str:
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return re.sub(r"\W+", "_", words).lower()
+
+
+UNIT_TOLERANCE = 1e-2
+
+
+def poses_from_quaternions(
+    quaternions_wxyz: Array, places_mm: Array, source: str, target: str, where: str
+) -> Poses:
+    """Poses from quaternions and places; rows with a NaN are invalid.
+
+    Raises:
+        InputError: a quaternion is far from unit length: its columns are probably not what they say.
+    """
+    from scipy.spatial.transform import Rotation
+
+    valid = np.asarray(np.isfinite(quaternions_wxyz).all(axis=1) & np.isfinite(places_mm).all(axis=1))
+    length = np.linalg.norm(quaternions_wxyz, axis=1)
+    off = valid & ~(np.abs(length - 1) <= UNIT_TOLERANCE)
+    if off.any():
+        row = int(np.flatnonzero(off)[0])
+        raise InputError(
+            f"{where}, row {row}: the quaternion of {source} has length {length[row]:.3g} where 1 is due; "
+            "check the order of its columns"
+        )
+    matrices = np.full((len(valid), 4, 4), np.nan)
+    matrices[valid] = np.eye(4)
+    if valid.any():
+        matrices[valid, :3, :3] = Rotation.from_quat(np.roll(quaternions_wxyz[valid], -1, axis=1)).as_matrix()
+        matrices[valid, :3, 3] = places_mm[valid]
+    return Poses(source, target, matrices, valid)

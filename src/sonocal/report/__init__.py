@@ -1,7 +1,27 @@
-"""What to trust, on one page: a self-contained HTML file and its figures. Needs the extra ``sonocal[report]``."""
+"""What to trust, on one page: a self-contained HTML file and its figures. Needs the extra ``sonocal[report]``.
 
+Each figure is drawn on a matplotlib axis that the caller made: ``plot_predicted_error(axis, calibration)``.
+"""
+
+from sonocal.report.figures import (
+    plot_predicted_error,
+    plot_residuals_by_frame,
+    plot_residuals_over_image,
+    plot_tilts,
+)
 from sonocal.report.page import report_html
-from sonocal.report.pictures import FrameImage
-from sonocal.report.verdict import Verdict, give_verdict
+from sonocal.report.pictures import FrameImage, plot_frame
+from sonocal.report.views3d import plot_frames, plot_needles, plot_weak_motion
 
-__all__ = ["FrameImage", "Verdict", "give_verdict", "report_html"]
+__all__ = [
+    "FrameImage",
+    "plot_frame",
+    "plot_frames",
+    "plot_needles",
+    "plot_predicted_error",
+    "plot_residuals_by_frame",
+    "plot_residuals_over_image",
+    "plot_tilts",
+    "plot_weak_motion",
+    "report_html",
+]

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sonocal.calibration import Calibration
+from sonocal.calibration import Calibration, line_distances
 from sonocal.geometry import Array, homogeneous_points, segment_directions
 from sonocal.observations import Observations
 from sonocal.registration.noise import residual_vectors
 from sonocal.registration.uncertainty import radius_95
 from sonocal.report.style import ACROSS, ERROR_MAP, FITTED, HELD_OUT, INK, OUTLIER
-from sonocal.validation.held_out import line_distances
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

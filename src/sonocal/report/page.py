@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from sonocal.calibration import Calibration, area_places
-from sonocal.diagnostics import describe_motion
+from sonocal.calibration import Calibration
+from sonocal.calibration.diagnostics import describe_motion
 from sonocal.errors import UnsupportedError
+from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import weakest_motion
 from sonocal.report import figures, views3d
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import DETECTED, RC, TRACKED
-from sonocal.report.verdict import give_verdict
-from sonocal.validation import Comparison, Validation
+from sonocal.validation import Comparison, Validation, give_verdict
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["report_html"]

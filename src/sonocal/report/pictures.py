@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
-from sonocal.geometry import Array, segment_directions
+from sonocal.geometry import Array, needle_in_image, needle_in_volume
 from sonocal.report.style import DETECTED, TRACKED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FrameImage", "needle_in_image", "needle_in_volume", "picture_svg", "plot_frame"]
+__all__ = ["FrameImage", "picture_svg", "plot_frame"]
 
 MOST_PICTURES = 12
 WIDEST_PX = 320
@@ -39,36 +39,6 @@ class FrameImage:
     detected_px: Array
     segments_mm: Array | None = None
     title: str = ""
-
-
-def needle_in_image(calibration: Calibration, segments_mm: Array) -> Array:
-    """Where lines (M, 2, 3) meet the image plane of a 2D probe, (M, 2) px; NaN for lines parallel to it."""
-    transform = calibration.probe_from_image
-    directions = segment_directions(segments_mm)
-    normal = transform.rotation[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (transform.translation - segments_mm[:, 0]) @ normal / (directions @ normal)
-        met = segments_mm[:, 0] + share[:, None] * directions
-        local = (met - transform.translation) @ transform.rotation / transform.scales
-    return np.asarray(np.where(np.isfinite(local), local, np.nan)[:, :2])
-
-
-def needle_in_volume(calibration: Calibration, segments_mm: Array) -> Array:
-    """The part (M, 2, 3), px, of segments (M, 2, 3) inside the volume of a 3D probe; NaN for those outside it.
-
-    Source: Liang and Barsky 1984.
-    """
-    transform = calibration.probe_from_image
-    start, end = np.moveaxis(
-        (segments_mm - transform.translation) @ transform.rotation / transform.scales, 1, 0
-    )
-    along = end - start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = (calibration.area_px[:, None] - start) / along  # (2, M, 3), of each face
-    enter = np.maximum(np.nanmax(shares.min(axis=0), axis=1), 0.0)
-    leave = np.minimum(np.nanmin(shares.max(axis=0), axis=1), 1.0)
-    within = np.where(enter < leave, [enter, leave], np.nan).T[..., None]
-    return np.asarray(start[:, None] + within * along[:, None])
 
 
 def picture_svg(calibration: Calibration, frame: FrameImage) -> str:
@@ -119,9 +89,9 @@ def _tracked(calibration: Calibration, frame: FrameImage) -> list[Array]:
     # Rows of one needle share its segment.
     segments = np.unique(frame.segments_mm, axis=0)
     if calibration.dimension == 3:
-        met = needle_in_volume(calibration, segments)[..., :2]
+        met = needle_in_volume(calibration.probe_from_image, calibration.area_px, segments)[..., :2]
     else:
-        met = needle_in_image(calibration, segments)[:, None]
+        met = needle_in_image(calibration.probe_from_image, segments)[:, None]
     height, width = frame.image.shape
     inside = np.all((met >= -0.5) & (met <= [width - 0.5, height - 0.5]), axis=(1, 2))
     return list(met[inside])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sonocal.calibration import Calibration, area_places
+from sonocal.calibration import Calibration
 from sonocal.errors import UnsupportedError
-from sonocal.geometry import Array, homogeneous_points, segment_directions
+from sonocal.geometry import Array, area_places, homogeneous_points, segment_directions
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import point_jacobian, weakest_motion
 from sonocal.report.style import AXES, FAINT, FITTED, HELD_OUT, INK

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
-from sonocal.diagnostics import NORMAL_95
+from sonocal.calibration.diagnostics import NORMAL_95
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, homogeneous_points, segment_directions
 from sonocal.observations import Observations, group_codes

@@ -8,7 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from sonocal.calibration import Calibration, calibrate
-from sonocal.diagnostics import NORMAL_95, SIGNIFICANT
+from sonocal.calibration.diagnostics import (
+    NORMAL_95,
+    SIGNIFICANT,
+)
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, UnsupportedError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, homogeneous_points, segment_directions

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from sonocal.calibration import Calibration
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
@@ -9,7 +11,7 @@ from sonocal.observations import Observations
 from sonocal.setup_checks.over_time import check_latency, check_slip
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
 
-__all__ = ["check_setup"]
+__all__ = ["check_setup", "checked"]
 
 
 def check_setup(
@@ -54,3 +56,18 @@ def check_setup(
             threshold_mm=float(options.get("threshold_mm", 5.0)),
         )
     return tuple(findings)
+
+
+def checked(calibration: Calibration, rows: Observations, **known: Any) -> Calibration:
+    """The calibration with what the set-up checks found among its findings, warnings first."""
+    from dataclasses import replace
+
+    from sonocal.setup_checks.whole import check_setup
+    from sonocal.validation.whole import fitted_rows
+
+    fitted = fitted_rows(calibration, rows)
+    known = {name: value for name, value in known.items() if value is not None}
+    findings = check_setup(calibration, rows if fitted is None else fitted, **known)
+    kept = [d for d in calibration.diagnostics if d.code not in {f.code for f in findings}]
+    merged = sorted([*kept, *findings], key=lambda finding: finding.severity != "warning")
+    return replace(calibration, diagnostics=tuple(merged))

@@ -9,12 +9,19 @@ from numpy.typing import NDArray
 
 from sonocal.errors import InputError
 from sonocal.geometry import Array, Similarity
-from sonocal.recording import ImageGeometry, Line, Poses, Provenance, Recording
-from sonocal.recording.frames import Frames, Image
+from sonocal.recording import (
+    Frames,
+    ImageGeometry,
+    Poses,
+    Provenance,
+    Recording,
+)
+from sonocal.recording.frames import Image
 from sonocal.simulation.sweep_motion import HandMotion
 from sonocal.simulation.ultrasound import Echo, Look, UltrasoundImager
 from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear
 from sonocal.simulation.ultrasound_scenery import Scenery
+from sonocal.targets import Line
 
 __all__ = ["NEEDLE_MM", "SimulatedSweep", "SweepOptions", "Truth", "simulate_sweep"]
 

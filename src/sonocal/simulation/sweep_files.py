@@ -10,9 +10,11 @@ from typing import Any
 
 from sonocal.errors import InputError
 from sonocal.files import write_atomically
-from sonocal.recording import write_lines, write_recording
-from sonocal.recording.frames import Frames, Image
+from sonocal.recording import Frames
+from sonocal.recording.formats import write_recording
+from sonocal.recording.frames import Image
 from sonocal.simulation.sweep import SimulatedSweep
+from sonocal.targets import write_lines
 
 __all__ = ["write_sweep"]
 

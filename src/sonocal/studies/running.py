@@ -105,9 +105,9 @@ def run_study(
 
 def program_version() -> str:
     """What makes the numbers: results of unlike versions are never mixed."""
-    import sonocal
+    from importlib.metadata import version
 
-    return sonocal.__version__
+    return version("sonocal")
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from sonocal.validation.nwire import nwire_error, nwire_errors
 from sonocal.validation.point_table import PointSightings, parse_point_sightings, read_point_sightings
 from sonocal.validation.quantity import Quantity
 from sonocal.validation.repeatability import Repeatability, repeatability
+from sonocal.validation.verdict import Verdict, give_verdict
 from sonocal.validation.whole import Validation, validate, validate_points
 
 __all__ = [
@@ -19,9 +20,11 @@ __all__ = [
     "Quantity",
     "Repeatability",
     "Validation",
+    "Verdict",
     "compare",
     "fit_crosswire",
     "fixed_point_spread",
+    "give_verdict",
     "held_out",
     "leave_one_frame_out",
     "leave_one_target_out",

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.calibration import Calibration, area_places
+from sonocal.calibration import Calibration
 from sonocal.errors import InputError, UnsupportedError
-from sonocal.geometry import Array
+from sonocal.geometry import Array, area_places
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
 __all__ = ["Comparison", "compare"]

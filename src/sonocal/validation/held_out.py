@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.calibration import Calibration, point_line_rows
+from sonocal.calibration import Calibration, line_distances, point_line_rows
 from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
@@ -19,7 +19,6 @@ __all__ = [
     "independent_units",
     "leave_one_frame_out",
     "leave_one_target_out",
-    "line_distances",
     "refitted",
 ]
 
@@ -90,12 +89,6 @@ def leave_one_target_out(calibration: Calibration, fitted: Observations) -> Quan
         target[rows],
         unit="targets",
     )
-
-
-def line_distances(probe_from_image: AxisScaled, rows: Observations) -> Array:
-    """(N,), mm: of each mapped point to its line."""
-    points = homogeneous_points(rows.points_px)
-    return np.asarray(np.linalg.norm(residual_vectors(probe_from_image, points, rows.segments_mm), axis=1))
 
 
 def independent_units(probe_from_image: AxisScaled, rows: Observations) -> NDArray[np.int64]:

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_bytes
+from sonocal.files.tables import (
+    csv_text,
+    parse_table,
+)
 from sonocal.geometry import Array
-from sonocal.tables import csv_text, parse_table
 
 __all__ = ["PLACE_COLUMNS", "POSE_COLUMNS", "PointSightings", "parse_point_sightings", "read_point_sightings"]
 

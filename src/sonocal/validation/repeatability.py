@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.calibration import Calibration, area_places
+from sonocal.calibration import Calibration
 from sonocal.errors import UnsupportedError
-from sonocal.geometry import Array
+from sonocal.geometry import Array, area_places
 from sonocal.observations import Observations
 from sonocal.validation.held_out import independent_units, refitted
 from sonocal.validation.quantity import Quantity, log_interval

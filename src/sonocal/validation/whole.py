@@ -8,12 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.calibration import Calibration
+from sonocal.calibration import Calibration, line_distances
 from sonocal.errors import InputError, SonocalError
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.validation.crosswire import fixed_point_spread, reconstruction_accuracy
-from sonocal.validation.held_out import held_out, leave_one_frame_out, leave_one_target_out, line_distances
+from sonocal.validation.held_out import (
+    held_out,
+    leave_one_frame_out,
+    leave_one_target_out,
+)
 from sonocal.validation.nwire import nwire_error
 from sonocal.validation.point_table import PointSightings
 from sonocal.validation.quantity import Quantity

@@ -1,0 +1,17 @@
+"""The main path: from a table of sightings to a calibration that says how far to trust it."""
+
+from sonocal.calibration.calibrate import calibrate
+from sonocal.calibration.result import Calibration, calibration_json, load_calibration, parse_calibration
+from sonocal.calibration.rows import line_distances, point_line_rows
+from sonocal.calibration.statistics import ErrorStatistics
+
+__all__ = [
+    "Calibration",
+    "ErrorStatistics",
+    "calibrate",
+    "calibration_json",
+    "line_distances",
+    "load_calibration",
+    "parse_calibration",
+    "point_line_rows",
+]

@@ -1,0 +1,274 @@
+"""What a user should know before trusting a calibration, in words, with the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array, area_places, segment_directions
+from sonocal.registration.ambiguity import Rival
+from sonocal.registration.degeneracy import (
+    NearDegeneracy,
+    near_degeneracy,
+)
+from sonocal.registration.fit import Fit
+from sonocal.registration.noise import Noise, estimate_noise
+from sonocal.registration.refine import refine_point_lines
+from sonocal.registration.robust import MINIMAL_ROWS
+from sonocal.registration.rows import PointLineRows
+from sonocal.registration.uncertainty import WeakMotion, point_covariance, radius_95, weakest_motion
+
+__all__ = [
+    "Diagnostic",
+    "describe_motion",
+    "diagnose_anisotropy",
+    "diagnose_fit",
+    "diagnose_image_plane",
+    "diagnose_noise",
+    "diagnose_rival",
+    "diagnose_weakness",
+]
+
+# Two-sided 95 % of a normal distribution, in standard deviations.
+NORMAL_95 = 1.96
+# Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
+LEAST_ANISOTROPY = 0.01
+SIGNIFICANT = 3.0
+MANY_OUTLIERS = 0.2
+# Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
+LARGE_DRIFT = 2.0
+# A quarter of needles within 5 deg of the image is not chance: of random ones it is a twelfth.
+FLAT_DEG, FLAT_SHARE = 5.0, 0.25
+
+
+def diagnose_weakness(
+    motion: WeakMotion, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None
+) -> Iterator[Diagnostic]:
+    """The motion that the data hold least, when the predicted error exceeds what the user accepts."""
+    if worst_mm <= tolerance_mm:
+        return
+    near = near or NearDegeneracy(
+        "the sightings hold it too loosely",
+        "add sightings, above all near the image's corners and with other tilts",
+    )
+    yield Diagnostic(
+        code="weak-motion",
+        severity="warning",
+        message=(
+            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at an image corner, more than the "
+            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {near.cause}"
+        ),
+        advice=near.advice,
+    )
+
+
+def diagnose_rival(rival: Rival | None) -> Iterator[Diagnostic]:
+    """A second answer that the data do not exclude."""
+    if rival is None:
+        return
+    yield Diagnostic(
+        code="two-answers",
+        severity="warning",
+        message=(
+            f"a second answer fits the same rows with {rival.rms_mm:.3g} mm rms against {rival.own_rms_mm:.3g} and is "
+            f"up to {rival.apart_mm:.1f} mm away in the image: the needles are too nearly parallel to tell an image "
+            "from its mirror"
+        ),
+        advice="add sightings with the needle tilted by 30 deg or more, in two directions",
+    )
+
+
+def diagnose_image_plane(rotation: Array, directions: Array) -> Iterator[Diagnostic]:
+    """Needles that lie in a 2D image, where it shows a line and no point of theirs is the one seen.
+
+    Args:
+        rotation: (3, 3), of the calibration.
+        directions: (N, 3), of the needles in the probe marker's frame.
+    """
+    angles = np.degrees(np.arcsin(np.clip(np.abs(directions @ rotation[:, 2]), 0.0, 1.0)))
+    flat = int(np.sum(angles < FLAT_DEG))
+    if flat <= FLAT_SHARE * len(directions):
+        return
+    yield Diagnostic(
+        code="needle-in-image-plane",
+        severity="warning",
+        message=(
+            f"{flat} of {len(directions)} needles lie within {FLAT_DEG:g} deg of the image plane, where the image "
+            "shows a line and not a point"
+        ),
+        advice="hold the needle at 30 deg or more to the image plane",
+    )
+
+
+def describe_motion(motion: WeakMotion) -> str:
+    """The motion in words, at 95 %: which turn, shift or growth, by how much, and what it does in mm."""
+    parts = {
+        motion.turn_rms_mm: (
+            f"rotation about {_axis(motion.turn_rad)}, known to "
+            f"+-{NORMAL_95 * np.degrees(np.linalg.norm(motion.turn_rad)):.2g} deg"
+        ),
+        motion.shift_rms_mm: (
+            f"shift along {_axis(motion.shift_mm)}, known to +-{NORMAL_95 * motion.shift_rms_mm:.2g} mm"
+        ),
+        motion.growth_rms_mm: f"scale, known to +-{NORMAL_95 * 100 * np.abs(motion.growth).max():.2g} %",
+    }
+    return f"{parts[max(parts)]} (it moves the corners by {NORMAL_95 * motion.rms_mm:.2g} mm)"
+
+
+def diagnose_anisotropy(scales: Array, covariance: Array) -> Iterator[Diagnostic]:
+    """Different mm/px along u and v, where the data show it.
+
+    Args:
+        scales: (3,), mm per px, of an anisotropic fit.
+        covariance: (8, 8), of its tangent.
+    """
+    ratio = float(np.log(scales[0] / scales[1]))
+    deviation = float(np.sqrt(covariance[6, 6] + covariance[7, 7] - 2 * covariance[6, 7]))
+    if not abs(ratio) > max(SIGNIFICANT * deviation, LEAST_ANISOTROPY):
+        return
+    yield Diagnostic(
+        code="anisotropic-scale",
+        severity="warning",
+        message=(
+            f"the residuals point to different mm/px in u and v: {scales[0]:.4f} and {scales[1]:.4f} mm/px, "
+            f"{100 * np.expm1(abs(ratio)):.1f} % apart (+-{100 * NORMAL_95 * deviation:.1f} %), "
+            "where the fitted model has one scale"
+        ),
+        advice=(
+            "for a linear probe or a resampled image, calibrate with the anisotropic model; "
+            "else check the pixels' aspect ratio"
+        ),
+    )
+
+
+def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
+    """Errors that rows share: they do not average out, and say that something is systematically off."""
+    drift = noise.shared_mm.get("stretch", 0.0)
+    if drift > LARGE_DRIFT * noise.row_mm:
+        yield Diagnostic(
+            code="drifting-residuals",
+            severity="warning",
+            message=(
+                f"frames share an error of {drift:.2f} mm that drifts over some {stretch_frames} frames, "
+                f"{drift / max(noise.row_mm, 0.01 * drift):.0f} times the {noise.row_mm:.2f} mm of single rows: "
+                "neighbouring frames repeat one another's error"
+            ),
+            advice=(
+                "look for a time lag between image and tracker, a slipped marker, "
+                "or lines that are not where the file says"
+            ),
+        )
+    shared = {"target": "a needle or wire", "frame": "a frame"}
+    for name, what in shared.items():
+        if noise.shared_mm.get(name, 0.0) > 0.5 * noise.row_mm:
+            yield Diagnostic(
+                code=f"shared-{name}-error",
+                severity="info",
+                message=(
+                    f"rows of {what} share an error of {noise.shared_mm[name]:.2f} mm beside the "
+                    f"{noise.row_mm:.2f} mm of single rows; the predicted error counts it"
+                ),
+                advice="more rows of the same kind will not reduce it; more "
+                + ("needles or wires" if name == "target" else "frames")
+                + " will",
+            )
+
+
+def diagnose_fit(fit: Fit) -> Iterator[Diagnostic]:
+    """Too few rows, too many that disagree, or a refinement that did not come to rest."""
+    rows, agreeing = len(fit.inlier), int(fit.inlier.sum())
+    if agreeing <= MINIMAL_ROWS:
+        yield Diagnostic(
+            code="no-redundancy",
+            severity="warning",
+            message=(
+                f"{agreeing} rows determine the calibration and none is left to check it; "
+                "no error can be predicted"
+            ),
+            advice="add sightings; ten well spread ones give a first idea of the error",
+        )
+    if rows - agreeing > MANY_OUTLIERS * rows:
+        yield Diagnostic(
+            code="many-outliers",
+            severity="warning",
+            message=(
+                f"{rows - agreeing} of {rows} rows are further than {fit.threshold_mm:.3g} mm from their lines "
+                "and were left out"
+            ),
+            advice="look at the rows marked as outliers; check the detections and which needle each row belongs to",
+        )
+    if not fit.converged:
+        yield Diagnostic(
+            code="not-converged",
+            severity="warning",
+            message="the refinement did not come to rest; the answer may be off by more than predicted",
+            advice="add sightings with other tilts and places",
+        )
+
+
+def _axis(vector: Array) -> str:
+    names = ("the image's u axis", "the image's v axis", "the image's normal")
+    unit = vector / np.linalg.norm(vector)
+    strongest = int(np.argmax(np.abs(unit)))
+    if abs(unit[strongest]) > 0.9:
+        return names[strongest]
+    return "the image axis (" + ", ".join(f"{x:.1f}" for x in unit) + ") in (u, v, normal)"
+
+
+def weakness_findings(
+    table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
+) -> Iterator[Diagnostic]:
+    if not np.all(np.isfinite(noise.covariance)):
+        return
+    corners = area_places(area)[:-1]
+    covariances = point_covariance(fit.transform, noise.covariance, corners)
+    worst = float(radius_95(covariances, noise.freedom).max())
+    if worst <= tolerance_mm:
+        return
+    motion = weakest_motion(fit.transform, noise.covariance, corners)
+    yield from diagnose_weakness(
+        motion,
+        worst,
+        tolerance_mm,
+        near_degeneracy(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension),
+    )
+
+
+def image_plane_findings(table: PointLineRows, fit: Fit) -> Iterator[Diagnostic]:
+    if table.dimension == 2:
+        directions = segment_directions(table.segments_mm[fit.inlier])
+        yield from diagnose_image_plane(fit.transform.rotation, directions)
+
+
+def anisotropy_findings(
+    table: PointLineRows, fit: Fit, groupings: dict[str, NDArray[Any]]
+) -> Iterator[Diagnostic]:
+    """Fits the wider model too, and tests whether its two scales differ."""
+    if table.dimension == 3 or fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
+        return
+    wider = refine_point_lines(
+        fit.transform,
+        table,
+        fit.inlier,
+        model="anisotropic",
+        weighting=fit.weighting,
+        sigma_px=fit.sigma_px,
+        sigma_mm=fit.sigma_mm,
+    )
+    # Errors that rows share only widen the covariance: scales alike without them are alike with them.
+    if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
+        yield from diagnose_anisotropy(
+            wider.transform.scales, estimate_noise(table, wider, groupings).covariance
+        )
+
+
+def _least_covariance(fit: Fit) -> Array:
+    """The tangent's covariance if rows shared no error."""
+    if fit.weighting == "likelihood":
+        return fit.covariance
+    freedom = 2 * int(fit.inlier.sum()) - len(fit.covariance)
+    return fit.covariance * float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom

@@ -1,0 +1,56 @@
+"""What is in a calibration's file: its schema and its conventions."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import msgspec
+
+from sonocal.calibration.statistics import ErrorStatistics
+from sonocal.findings import Diagnostic
+from sonocal.registration.fit import Model
+
+__all__ = ["CONVENTIONS", "FORMAT", "VERSION", "Record", "Sigma"]
+
+FORMAT: Literal["sonocal-calibration"] = "sonocal-calibration"
+VERSION = 1
+CONVENTIONS = (
+    "probe_from_image @ (u, v, w, 1) is a place in mm in the probe marker's frame. u right, v down, w out of the "
+    "slice, in px of the MF-oriented image; the origin is the centre of the first pixel; a 2D image lies at w = 0. "
+    "The mm per px are inside the matrix. Covariance: of a rotation vector applied on the left (rad), a translation "
+    "(mm) and the logarithm of the scale, or of both scales."
+)
+
+
+class Sigma(msgspec.Struct):
+    """The noise behind the covariance."""
+
+    row_mm: float | None
+    point_px: float | None
+    segment_mm: float | None
+    shared_mm: dict[str, float]
+    freedom: int
+
+
+class Record(msgspec.Struct, kw_only=True):
+    """The file's fields, in the order they are written."""
+
+    format: Literal["sonocal-calibration"]
+    version: int
+    created: str
+    conventions: str = ""
+    probe_from_image: list[list[float]]
+    model: Model
+    scale_mm_per_px: list[float]
+    rotation_wxyz: list[float]
+    translation_mm: list[float]
+    covariance: list[list[float]] | None
+    sigma: Sigma
+    area_px: list[list[float]]
+    fit: ErrorStatistics
+    test: ErrorStatistics | None
+    residuals_mm: list[float]
+    inlier: list[bool]
+    latency_s: float | None
+    diagnostics: list[Diagnostic]
+    provenance: dict[str, Any]

@@ -1,0 +1,232 @@
+"""A calibration: the map, how far to trust it, and its file."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sigma
+from sonocal.calibration.statistics import ErrorStatistics
+from sonocal.errors import FormatError, InputError, UnsupportedError
+from sonocal.files import read_bytes, write_atomically
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array, AxisScaled, Similarity, area_places
+from sonocal.registration.fit import Model
+from sonocal.registration.noise import Noise
+from sonocal.registration.uncertainty import point_covariance, radius_95
+
+__all__ = ["Calibration", "calibration_json", "load_calibration", "parse_calibration"]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The map from the image's pixels to the probe marker's frame, and how far to trust it.
+
+    Attributes:
+        probe_from_image: mm from px.
+        model: "similarity" (one scale) or "anisotropic" (one along u, one along v).
+        covariance: (k, k), of the tangent: rotation vector applied on the left (rad), translation (mm),
+            log scale (one, or two when anisotropic). None where no row is left to estimate the noise.
+        noise: the standard deviations behind it, mm.
+        area_px: (2, 2) or (2, 3): the least and the greatest corner of the image area that predicted
+            errors are quoted for.
+        fit, test: errors of the fitted and of the held-out rows.
+        residuals_mm, inlier: (N,), of the fitted rows in the order given.
+        diagnostics: what to know before use, warnings first.
+        latency_s: the tracker's lag behind the image, or None when not estimated.
+        provenance: input, options and versions.
+    """
+
+    probe_from_image: AxisScaled
+    model: Model
+    covariance: Array | None
+    noise: Noise
+    area_px: Array
+    fit: ErrorStatistics
+    test: ErrorStatistics | None
+    residuals_mm: Array
+    inlier: NDArray[np.bool_]
+    diagnostics: tuple[Diagnostic, ...]
+    latency_s: float | None = None
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def dimension(self) -> int:
+        """2 for a 2D probe, 3 for a 3D probe."""
+        return int(self.area_px.shape[1])
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """The findings to read before use."""
+        return tuple(d for d in self.diagnostics if d.severity == "warning")
+
+    def predict(self, points_px: ArrayLike) -> tuple[Array, Array]:
+        """Where points of the image are, and how well that is known.
+
+        Args:
+            points_px: (N, 2) or (N, 3), px.
+
+        Returns:
+            The points (N, 3) in mm in the probe marker's frame and their covariance (N, 3, 3) in mm^2,
+            from the calibration's uncertainty alone (add the noise of the point itself).
+
+        Raises:
+            UnsupportedError: the calibration has no covariance.
+        """
+        if self.covariance is None:
+            raise UnsupportedError(
+                "this calibration has no row to spare and so no covariance; calibrate with more sightings"
+            )
+        return self.probe_from_image @ points_px, point_covariance(
+            self.probe_from_image, self.covariance, points_px
+        )
+
+    def predicted_errors(self) -> tuple[Array, Array, Array]:
+        """Predicted error at the corners and the centre of the area.
+
+        Returns:
+            The places (M, 2) or (M, 3) in px, the root mean square error (M,) and the error that 95 % stay
+            below (M,), mm.
+
+        Raises:
+            UnsupportedError: the calibration has no covariance.
+        """
+        places = area_places(self.area_px)
+        covariances = self.predict(places)[1]
+        return (
+            places,
+            np.sqrt(np.trace(covariances, axis1=1, axis2=2)),
+            radius_95(covariances, self.noise.freedom),
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the calibration as JSON, whole or not at all.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        write_atomically(path, calibration_json(self))
+
+
+def calibration_json(calibration: Calibration) -> bytes:
+    """The calibration as the text of its file."""
+    transform = calibration.probe_from_image
+    record = Record(
+        format=FORMAT,
+        version=VERSION,
+        conventions=CONVENTIONS,
+        created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        probe_from_image=transform.matrix.tolist(),
+        model=calibration.model,
+        scale_mm_per_px=transform.scales[: _scale_count(calibration.model)].tolist(),
+        rotation_wxyz=transform.quaternion_wxyz.tolist(),
+        translation_mm=transform.translation.tolist(),
+        covariance=None if calibration.covariance is None else calibration.covariance.tolist(),
+        sigma=Sigma(
+            row_mm=calibration.noise.row_mm if np.isfinite(calibration.noise.row_mm) else None,
+            point_px=calibration.noise.sigma_px,
+            segment_mm=calibration.noise.sigma_mm,
+            shared_mm=calibration.noise.shared_mm,
+            freedom=calibration.noise.freedom,
+        ),
+        area_px=calibration.area_px.tolist(),
+        fit=calibration.fit,
+        test=calibration.test,
+        residuals_mm=calibration.residuals_mm.tolist(),
+        inlier=calibration.inlier.tolist(),
+        latency_s=calibration.latency_s,
+        diagnostics=list(calibration.diagnostics),
+        provenance=calibration.provenance | {"versions": _versions()},
+    )
+    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Read a calibration that `Calibration.save` wrote.
+
+    Raises:
+        InputError: the file cannot be read.
+        FormatError: it is not a calibration, or one of its fields is not what it must be.
+        UnsupportedError: a later sonocal wrote it in a form that this one does not know.
+    """
+    path = Path(path)
+    return parse_calibration(read_bytes(path), path.name)
+
+
+def parse_calibration(content: bytes, name: str) -> Calibration:
+    """The calibration in the content of its file; `name` is what messages call it. Raises as `load_calibration`."""
+    try:
+        head = msgspec.json.decode(content, type=dict[str, Any])
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise FormatError(f"{name}: is not a calibration file ({error}); name the calibration.json") from None
+    if head.get("format") != FORMAT:
+        raise FormatError(f"{name}: is JSON but not a calibration; its format is {head.get('format')!r}")
+    if isinstance(head.get("version"), int) and head["version"] > VERSION:
+        raise UnsupportedError(
+            f"{name}: has version {head['version']} of the calibration format and this sonocal reads up to "
+            f"{VERSION}; update sonocal"
+        )
+    try:
+        return _from_record(msgspec.convert(head, Record))
+    except (msgspec.ValidationError, ValueError, InputError) as error:
+        raise FormatError(f"{name}: is a damaged calibration file ({error}); calibrate again") from None
+
+
+def _from_record(record: Record) -> Calibration:
+    matrix = np.array(record.probe_from_image)
+    if matrix.shape != (4, 4):
+        raise ValueError(f"probe_from_image has shape {matrix.shape} and not (4, 4)")
+    if len(record.scale_mm_per_px) != _scale_count(record.model):
+        raise ValueError(
+            f"scale_mm_per_px has {len(record.scale_mm_per_px)} entries for the {record.model} model"
+        )
+    covariance = None if record.covariance is None else np.array(record.covariance)
+    parameters = 6 + _scale_count(record.model)
+    if covariance is not None and covariance.shape != (parameters, parameters):
+        raise ValueError(f"covariance has shape {covariance.shape} and not ({parameters}, {parameters})")
+    return Calibration(
+        probe_from_image=_transform(matrix, record),
+        model=record.model,
+        covariance=covariance,
+        noise=Noise(
+            row_mm=np.nan if record.sigma.row_mm is None else record.sigma.row_mm,
+            covariance=np.full((parameters, parameters), np.nan) if covariance is None else covariance,
+            freedom=record.sigma.freedom,
+            sigma_px=record.sigma.point_px,
+            sigma_mm=record.sigma.segment_mm,
+            shared_mm=record.sigma.shared_mm,
+        ),
+        area_px=np.array(record.area_px),
+        fit=record.fit,
+        test=record.test,
+        residuals_mm=np.array(record.residuals_mm),
+        inlier=np.array(record.inlier, dtype=bool),
+        diagnostics=tuple(record.diagnostics),
+        latency_s=record.latency_s,
+        provenance=record.provenance,
+    )
+
+
+def _transform(matrix: np.ndarray[Any, np.dtype[np.float64]], record: Record) -> AxisScaled:
+    scales = np.resize(record.scale_mm_per_px, 3)
+    scales[2] = np.mean(record.scale_mm_per_px)
+    rotation, translation = matrix[:3, :3] / scales, matrix[:3, 3]
+    similarity = Similarity(rotation, translation, scales[0])  # checks that it is one
+    return similarity if record.model == "similarity" else AxisScaled(rotation, translation, scales)
+
+
+def _scale_count(model: Model) -> int:
+    return 2 if model == "anisotropic" else 1
+
+
+def _versions() -> dict[str, str]:
+    from importlib.metadata import version
+
+    return {"sonocal": version("sonocal"), "numpy": np.__version__, "python": platform.python_version()}

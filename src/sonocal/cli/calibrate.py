@@ -1,0 +1,184 @@
+"""``sonocal calibrate``: from a table of sightings, or from a recording with or without given points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sonocal.cli.from_recording import (
+    OF_DETECTION,
+    Result,
+    from_recording,
+)
+from sonocal.cli.options import (
+    CENTRE,
+    COUNT,
+    FILE,
+    INVALID,
+    JSON,
+    LATENCY,
+    LINES,
+    MASK,
+    NO_REPORT,
+    POSES,
+    PROBE,
+    SCANNER,
+    Size,
+    Threshold,
+    console,
+    output_folder,
+    seed,
+    typed,
+)
+from sonocal.cli.report import pictures
+from sonocal.errors import InputError
+
+__all__ = ["calibrate"]
+
+OF_TABLES = ("fit_split", "test_split")
+OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETECTION)
+
+
+@click.command()
+@click.argument("source", metavar="INPUT", type=FILE)
+@output_folder("calibration", "calibration.json, report.html and what led to them")
+@LINES
+@click.option(
+    "--points", type=FILE, help="Points found in the images (CSV: frame, u_px, v_px[, w_px][, target])."
+)
+@POSES
+@PROBE
+@LATENCY
+@INVALID
+@COUNT
+@CENTRE
+@MASK
+@click.option(
+    "--model",
+    type=click.Choice(["similarity", "anisotropic"]),
+    default="similarity",
+    show_default=True,
+    help="One mm/px, or one along u and one along v (linear 2D probes).",
+)
+@click.option("--fit-split", metavar="NAME", help="Fit the rows of this split of a table only.")
+@click.option("--test-split", metavar="NAME", help="Hold the rows of this split out, and report their error.")
+@click.option(
+    "--threshold-mm",
+    type=Threshold(),
+    default=5.0,
+    show_default=True,
+    help='Rows further than this from their line are outliers; "auto": from the noise. Less where wires are near.',
+)
+@click.option(
+    "--weighting",
+    type=click.Choice(["likelihood", "geometric"]),
+    default="likelihood",
+    show_default=True,
+    help="Weigh distances by the noise they carry, or all alike as the paper does, and as found volumes are.",
+)
+@click.option("--sigma-px", type=float, help="Noise of an image point along each axis.  [default: estimated]")
+@click.option(
+    "--sigma-mm", type=float, help="Noise of a segment's end along each axis.  [default: estimated]"
+)
+@click.option(
+    "--tolerance-mm",
+    type=float,
+    default=2.0,
+    show_default=True,
+    help="Warn where the predicted error (95 %) at an image corner exceeds this.",
+)
+@click.option(
+    "--image-size",
+    "image_size_px",
+    type=Size(),
+    help="Image size, px, for predicted errors at its corners.  [default: the recording's, or the box of the points]",
+)
+@click.option(
+    "--max-samples", type=int, default=10_000, show_default=True, help="Random minimal samples at the most."
+)
+@seed("the random samples")
+@SCANNER
+@NO_REPORT
+@JSON
+def calibrate(
+    source: Path,
+    output: Path,
+    *,
+    lines: Path | None,
+    scanner_mm_per_px: float | None,
+    report: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Calibrate from a table of sightings (CSV), or from a recording.
+
+    \b
+    INPUT is one of
+      a table: one row a point, with frame, target, u_px, v_px[, w_px] and the
+        end points of the line that was seen there, x0_mm ... z1_mm, in the
+        probe marker's frame. With w_px the probe is 3D, and two or more rows
+        of one frame and target give the needle's line;
+      a recording, with --lines: the needle is found in its images, and
+        contact-sheet.png shows where;
+      a recording, with --lines and --points: the points are given.
+
+    From a recording, observations.csv is written too: the sightings that the calibration rests on.
+    """  # noqa: D301 - click leaves the lines below the escape alone
+    from sonocal.calibration import calibration_json
+    from sonocal.cli.report import report_files
+    from sonocal.cli.screen.calibration import print_calibration
+    from sonocal.files import write_into_folder
+    from sonocal.setup_checks.whole import checked
+
+    _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
+    recorded = {name: options.pop(name) for name in OF_RECORDINGS}
+    result = (
+        _from_table(source, options)
+        if lines is None
+        else from_recording(source, lines, output, recorded, options)
+    )
+    found = checked(result.calibration, result.rows, scanner_mm_per_px=scanner_mm_per_px)
+    content = calibration_json(found)
+    files = {"calibration.json": content, **result.files}
+    if report:
+        files |= report_files(found, result.rows, frames=pictures(result))
+    write_into_folder(output, files)
+    if as_json:
+        click.echo(content, nl=False)
+        return
+    print_calibration(console(), found)
+    console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
+
+
+def _refuse_mixture(*, recording: bool, given: bool) -> None:
+    """Options that would do nothing are a mistake."""
+    if not recording and (names := typed(OF_RECORDINGS)):
+        raise click.UsageError(f"{names[0]} is for recordings; give their needle or wires with --lines")
+    if recording and (names := typed(OF_TABLES)):
+        raise click.UsageError(f"{names[0]} is for tables; a recording has no splits")
+    if given and (names := typed(OF_DETECTION)):
+        raise click.UsageError(f"{names[0]} is for detection; with --points nothing is detected")
+    if recording and not given and click.get_current_context().params["threshold_mm"] == "auto":
+        raise click.UsageError("--threshold-mm auto is for tables and --points; detection needs a number")
+
+
+def _from_table(source: Path, options: dict[str, Any]) -> Result:
+    import sonocal
+    from sonocal.files.kinds import kind_of
+
+    if source.is_dir():
+        raise InputError(
+            f"{source}: is a directory; name a table of sightings in it, or say with --lines what its images show"
+        )
+    if (kind := kind_of(source)) == "recording":
+        raise InputError(
+            f"{source.name}: is a recording; say with --lines which needle or wires were seen in it"
+        )
+    if kind not in ("observations", "table"):
+        raise InputError(
+            f"{source.name}: is a file of kind {kind!r}; give a table of sightings (CSV), or a recording with --lines"
+        )
+    rows = sonocal.read_observations(source)
+    return Result(rows, sonocal.calibrate(rows, **options), {})

@@ -1,0 +1,166 @@
+"""Commands that make and read images: ``simulate``, ``detect``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sonocal.cli.options import (
+    CENTRE,
+    COUNT,
+    FILE,
+    INVALID,
+    LATENCY,
+    LINES,
+    MASK,
+    POSES,
+    PROBE,
+    output_folder,
+    progress,
+    seed,
+    typed,
+)
+
+__all__ = ["COMMANDS"]
+
+
+@click.command()
+@output_folder("simulated", "sweep.igs.mha, needle.toml and truth.json")
+@click.option(
+    "--probe",
+    type=click.Choice(["curvilinear", "linear", "curvilinear-3d"]),
+    default="curvilinear",
+    show_default=True,
+    help="The probe.",
+)
+@click.option(
+    "--look",
+    type=click.Choice(["tissue", "bath"]),
+    default="tissue",
+    show_default=True,
+    help="Speckle, or a needle in water at low gain.",
+)
+@click.option("--frames", type=click.IntRange(1), default=500, show_default=True, help="Images.")
+@click.option("--rate", "rate_hz", type=float, default=20.0, show_default=True, help="Images a second.")
+@click.option("--sigma-px", type=float, default=1.0, show_default=True, help="Noise of the image point, px.")
+@click.option(
+    "--sigma-mm", type=float, default=1.0, show_default=True, help="Tracking noise of the needle's ends, mm."
+)
+@click.option(
+    "--hidden",
+    "hidden_share",
+    type=float,
+    default=0.2,
+    show_default=True,
+    help="Share without a visible needle.",
+)
+@click.option(
+    "--dropouts",
+    "dropout_share",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Share without valid poses.",
+)
+@click.option(
+    "--latency",
+    "latency_s",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Of the tracker behind the images, s.",
+)
+@click.option(
+    "--overlay", is_flag=True, help="Draw text and a ruler over the images, as in a screen capture."
+)
+@seed("everything random")
+def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
+    """Write a simulated recording with known truth: sweep.igs.mha, needle.toml, truth.json."""
+    from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+    from sonocal.simulation.sweep_files import write_sweep
+    from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, SMALL_PARTS_BATH, Look
+    from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
+
+    probes: dict[str, Callable[[], ProbeGeometry]] = {
+        "curvilinear": curvilinear,
+        "linear": linear,
+        "curvilinear-3d": curvilinear_3d,
+    }
+    fine, wet = probe == "linear", look == "bath"
+    appearance = (SMALL_PARTS_BATH if wet else SMALL_PARTS) if fine else BATH if wet else Look()
+    sweep = simulate_sweep(probes[probe](), appearance, SweepOptions(**options))
+    with progress("images") as report:
+        paths = write_sweep(sweep, output, report)
+    click.echo(f"Wrote {', '.join(str(path) for path in paths)}")
+    click.echo(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
+
+
+@click.command()
+@click.argument("recording", metavar="RECORDING", type=FILE)
+@LINES
+@click.option(
+    "-o", "--output", type=FILE, default=Path("candidates.csv"), show_default=True, help="Table to write."
+)
+@click.option("--sheet", type=FILE, help="Contact sheet (PNG) to write.")
+@POSES
+@COUNT
+@CENTRE
+@MASK
+@PROBE
+@LATENCY
+@INVALID
+def detect(
+    recording: Path,
+    lines: Path | None,
+    output: Path,
+    sheet: Path | None,
+    *,
+    poses: Path | None,
+    latency_s: float,
+    count: int,
+    centre: Any,
+    mask: Path | None,
+    **options: Any,
+) -> None:
+    """Find the needle in a recording's images: several candidates an image, best first, as a table of sightings.
+
+    At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
+    """
+    from sonocal.detection import Candidates, LineCandidates, detect_points, detect_volumes, read_mask
+    from sonocal.files import write_atomically
+    from sonocal.files.png import png
+    from sonocal.observations import write_observations
+    from sonocal.recording.formats import read_recording
+    from sonocal.sweep.contact_sheet import contact_sheet
+    from sonocal.sweep.sightings import (
+        candidate_observations,
+        line_observations,
+    )
+    from sonocal.targets import read_lines
+
+    if lines is None:
+        raise click.UsageError("Missing option '--lines'.")
+    loaded = read_recording(recording, poses, latency_s, options["on_invalid"])
+    known, fixed = read_lines(lines)
+    options["fixed"] = fixed
+    with progress("detecting") as report:
+        found: Candidates | LineCandidates
+        if loaded.image is not None and loaded.image.dimension == 3:
+            found = detect_volumes(loaded, progress=report, **({"count": count} if typed(("count",)) else {}))
+        else:
+            drawn = None if mask is None else read_mask(mask, loaded.frames.shape[:2])
+            found = detect_points(loaded, count=count, centre=centre, mask=drawn, progress=report)
+    if sheet is not None:
+        write_atomically(sheet, png(contact_sheet(loaded, found)))
+    if isinstance(found, LineCandidates):
+        table = line_observations(loaded, known, found, **options)
+    else:
+        table = candidate_observations(loaded, known, found, **options)
+    write_observations(table, output)
+    click.echo(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
+
+
+COMMANDS = [simulate, detect]

@@ -1,0 +1,87 @@
+"""``sonocal export``: a calibration for other software."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sonocal.cli.options import FILE
+from sonocal.errors import InputError
+
+if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+
+__all__ = ["export"]
+
+
+@click.command()
+@click.argument("calibration", metavar="CALIBRATION", type=FILE)
+@click.option(
+    "--to",
+    "form",
+    type=click.Choice(["plus", "itk", "slicer", "json"]),
+    required=True,
+    help="The software to export for.",
+)
+@click.option("-o", "--output", type=FILE, required=True, help="File to write.")
+@click.option("--into", type=FILE, help="plus: a device set (XML) to put the matrix into; the rest stays.")
+@click.option(
+    "--image", default="Image", show_default=True, help="plus: what the device set calls the image's frame."
+)
+@click.option(
+    "--probe", default="Probe", show_default=True, help="plus: what the device set calls the probe's marker."
+)
+def export(  # noqa: PLR0917 - one argument an option
+    calibration: Path, form: str, output: Path, into: Path | None, image: str, probe: str
+) -> None:
+    """Write a calibration (calibration.json) for other software.
+
+    \b
+    plus    a device set (XML) whose ImageToProbe transform is the calibration;
+            with --into, an existing device set that differs in it alone
+    itk     an affine transform, .tfm or .h5, that maps pixels to mm as we do
+    slicer  the same for 3D Slicer: in LPS, and the inverse, as its files are
+    json    the calibration file, brought up to date
+    """  # noqa: D301 - click leaves the lines below the escape alone
+    from sonocal.calibration import load_calibration
+    from sonocal.files import write_atomically
+
+    if form != "plus" and into is not None:
+        raise click.UsageError("--into is for --to plus")
+    loaded = load_calibration(calibration)
+    write_atomically(output, _content(loaded, form, output, into, (image, probe)))
+    click.echo(f"Wrote {output}")
+
+
+def _content(
+    calibration: Calibration, form: str, output: Path, into: Path | None, frames: tuple[str, str]
+) -> bytes:
+    if form == "json":
+        from sonocal.calibration import calibration_json
+
+        return calibration_json(calibration)
+    if form == "plus":
+        from sonocal.export.plus import plus_xml, put_into_device_set
+        from sonocal.files import read_bytes
+
+        if into is None:
+            return plus_xml(calibration, *frames)
+        return put_into_device_set(calibration, read_bytes(into), into.name, *frames)
+    return _transform(calibration, form, output)
+
+
+def _transform(calibration: Calibration, form: str, output: Path) -> bytes:
+    from sonocal.export import itk, slicer
+
+    writers = {
+        ("itk", ".tfm"): itk.itk_tfm,
+        ("itk", ".h5"): itk.itk_h5,
+        ("slicer", ".tfm"): slicer.slicer_tfm,
+        ("slicer", ".h5"): slicer.slicer_h5,
+    }
+    write = writers.get((form, output.suffix.lower()))
+    if write is None:
+        raise InputError(f"{output}: transforms are written as .tfm or .h5; choose one of these names")
+    return write(calibration.probe_from_image)

@@ -1,0 +1,43 @@
+"""The command line. Thin: parse, call, print; heavy imports inside the commands."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from sonocal import __version__
+from sonocal.cli.calibrate import calibrate
+from sonocal.cli.demo import demo
+from sonocal.cli.detection import COMMANDS
+from sonocal.cli.export import export
+from sonocal.cli.info import info
+from sonocal.cli.study import study
+from sonocal.cli.tool import tool
+from sonocal.cli.validate import validate
+from sonocal.errors import SonocalError
+
+__all__ = ["main"]
+
+
+class _Commands(click.Group):
+    """A group whose foreseen failures are one sentence and exit status 1; a bug keeps its traceback."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except SonocalError as error:
+            raise click.ClickException(str(error)) from None
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="sonocal")
+def main() -> None:
+    """Calibrate a tracked ultrasound probe with a tracked needle.
+
+    Start with "sonocal demo", then "sonocal calibrate observations.csv".
+    """
+
+
+for _command in (demo, calibrate, *COMMANDS, tool, validate, study, export, info):
+    main.add_command(_command)

@@ -1,0 +1,75 @@
+"""What the commands write of a report, and the pictures in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from sonocal.errors import UnsupportedError
+
+if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+    from sonocal.cli.from_recording import Result
+    from sonocal.observations import Observations
+    from sonocal.report import FrameImage
+    from sonocal.validation import Comparison, Validation
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+    from sonocal.observations import Observations
+    from sonocal.report import FrameImage
+
+
+__all__ = ["pictures", "report_files"]
+
+
+def report_files(
+    calibration: Calibration,
+    rows: Observations | None,
+    numbers: Validation | None = None,
+    comparison: Comparison | None = None,
+    frames: Sequence[FrameImage] = (),
+) -> dict[str, bytes]:
+    """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed.
+
+    Without numbers, the error of held-out rows, which the verdict weighs, is found here.
+    """
+    from sonocal.report import report_html
+    from sonocal.validation import validate
+
+    if numbers is None and rows is not None:
+        numbers = validate(calibration, rows, resample=False)
+    try:
+        return {"report.html": report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
+    except UnsupportedError as error:
+        click.echo(f"Note: {error}", err=True)
+        return {}
+
+
+MOST_PICTURES = 12
+
+
+def pictures(result: Result) -> list[FrameImage]:
+    """Some images with the points that the calibration rests on, for the report."""
+    import numpy as np
+
+    from sonocal.detection import as_grey
+    from sonocal.report import FrameImage
+
+    recording, rows = result.recording, result.rows
+    if recording is None or recording.image is None:
+        return []
+    dimension = recording.image.dimension
+    frames = np.unique(rows.frame)
+    shown = []
+    for frame in frames[np.unique(np.linspace(0, len(frames) - 1, MOST_PICTURES).astype(int))].tolist():
+        here = rows.select(rows.frame == frame)
+        grey = as_grey(recording.frames[frame], dimension, f"{recording.name}, frame {frame}")
+        flat = grey if dimension == 2 else grey.max(axis=0)
+        image = flat.clip(0, 255).astype(np.uint8)
+        shown.append(FrameImage(image, here.points_px, here.segments_mm, f"frame {frame}"))
+    return shown

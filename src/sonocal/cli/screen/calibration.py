@@ -1,0 +1,159 @@
+"""What the command line shows: warnings first, then what to trust, then the matrix."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from sonocal.calibration import Calibration, ErrorStatistics
+from sonocal.cli.screen.parts import (
+    number_table,
+    print_findings,
+)
+from sonocal.geometry import segment_directions, similarity_errors
+from sonocal.observations import Observations
+from sonocal.registration.degeneracy import direction_spread
+from sonocal.simulation.scene import SimulatedSightings
+
+__all__ = ["observation_splits", "print_calibration", "print_observations", "print_truth"]
+
+
+def print_calibration(console: Console, calibration: Calibration) -> None:
+    """Warnings, verdict, errors, matrix, findings."""
+    print_findings(console, calibration.warnings)
+    console.print(_verdict(calibration))
+    console.print()
+    console.print(_error_table(calibration))
+    if calibration.covariance is not None:
+        console.print(_prediction_table(calibration))
+    console.print(_matrix(calibration))
+    print_findings(console, calibration.diagnostics, "info")
+
+
+def print_truth(console: Console, calibration: Calibration, simulated: SimulatedSightings) -> None:
+    """The calibration's error against the truth it was simulated with."""
+    angle, distance, scale = similarity_errors(calibration.probe_from_image, simulated.probe_from_image)
+    places, _, below = calibration.predicted_errors()
+    missed = calibration.probe_from_image @ places - simulated.probe_from_image @ places
+    table = number_table(
+        "Error against the known truth",
+        "rotation, deg",
+        "translation, mm",
+        "scale, mm/px",
+        "worst corner, mm",
+    )
+    worst = float((missed**2).sum(axis=-1).max() ** 0.5)
+    table.add_row(
+        "",
+        f"{np.degrees(angle):.3f}",
+        f"{distance:.3f}",
+        f"{scale:.6f}",
+        f"{worst:.2f} (predicted < {below.max():.2f})",
+    )
+    console.print(table)
+
+
+def print_observations(console: Console, observations: Observations) -> None:
+    """What is in a table of sightings."""
+    places = ("u, px", "v, px", "w, px")[: observations.dimension]
+    table = number_table(
+        f"{observations.source}: sightings for a {observations.dimension}D probe",
+        *("rows", "frames", "targets", *places, "tilt spread, deg"),
+        first="split",
+    )
+    for split in observation_splits(observations):
+        table.add_row(
+            escape(split["split"]) or "(none)",
+            *(str(split[name]) for name in ("rows", "frames", "targets")),
+            *(f"{low:.0f} to {high:.0f}" for low, high in zip(*split["box_px"], strict=True)),
+            f"{split['tilt_spread_deg']:.1f}",
+        )
+    console.print(table)
+    if observations.extra:
+        console.print(f"further columns, kept: {escape(', '.join(observations.extra))}")
+
+
+def observation_splits(observations: Observations) -> list[dict[str, Any]]:
+    """What is in each split of a table of sightings."""
+    parts = {name: observations.select_split(name) for name in dict.fromkeys(observations.split.tolist())}
+    return [
+        {
+            "split": name,
+            "rows": len(part),
+            "frames": len(set(part.frame.tolist())),
+            "targets": len(set(part.target.tolist())),
+            "box_px": [part.points_px.min(0).tolist(), part.points_px.max(0).tolist()],
+            "tilt_spread_deg": float(np.degrees(direction_spread(segment_directions(part.segments_mm)))),
+        }
+        for name, part in parts.items()
+    ]
+
+
+def _verdict(calibration: Calibration) -> Text:
+    if calibration.covariance is None:
+        return Text("Do not rely on it: no error can be predicted.", style="bold red")
+    worst = calibration.predicted_errors()[2].max()
+    trust = f"expect errors up to {worst:.1f} mm (95 %) at the image corners"
+    if calibration.warnings:
+        return Text(f"Use with care: {trust}; the warnings say why it may be more.", style="bold yellow")
+    why = f"; the fit's {calibration.fit.rms_mm:.2f} mm is how well rows agree, not how well the image is placed"
+    return Text(f"Sound: {trust}", style="bold green") + Text(why, style="default")
+
+
+def _error_table(calibration: Calibration) -> Table:
+    table = number_table(
+        "Distance of mapped points to their lines, mm",
+        "rms",
+        "median",
+        "95 %",
+        "max",
+        "rows within threshold",
+    )
+    for name, errors in (("fitted rows", calibration.fit), ("held-out rows", calibration.test)):
+        if errors is not None:
+            table.add_row(name, *_statistics(errors))
+    return table
+
+
+def _statistics(errors: ErrorStatistics) -> list[str]:
+    values = (errors.rms_mm, errors.median_mm, errors.p95_mm, errors.max_mm)
+    return [*(f"{value:.3f}" for value in values), f"{errors.inliers} of {errors.observations}"]
+
+
+def _prediction_table(calibration: Calibration) -> Table:
+    places, rms, below = calibration.predicted_errors()
+    axes = ", ".join("uvw"[: calibration.dimension])
+    table = number_table("Predicted error of the calibration, mm", f"at ({axes}), px", "rms", "95 % below")
+    for i, place in enumerate(places):
+        name = "centre" if i == len(places) - 1 else "corner"
+        table.add_row(name, ", ".join(f"{x:.0f}" for x in place), f"{rms[i]:.2f}", f"{below[i]:.2f}")
+    return table
+
+
+def _matrix(calibration: Calibration) -> RenderableType:
+    transform = calibration.probe_from_image
+    title = Text(
+        "probe_from_image (PLUS: ImageToProbe): mm in the probe marker's frame from px", style="bold"
+    )
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 1))
+    for row in transform.matrix:
+        table.add_row(*(f"{x: .6f}" for x in row))
+    scales = transform.scales
+    if calibration.model == "similarity":
+        scale = f"{scales[0]:.5f} mm/px"
+        if calibration.covariance is not None:
+            scale += f" +- {100 * 1.96 * calibration.covariance[6, 6] ** 0.5:.2f} % (95 %)"
+    else:
+        scale = f"{scales[0]:.5f} mm/px along u, {scales[1]:.5f} mm/px along v"
+    return Group(
+        title,
+        table,
+        Text(
+            f"Scale: {scale}; the scale is inside the matrix, and the origin is the centre of the first pixel."
+        ),
+    )

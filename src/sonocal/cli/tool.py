@@ -1,0 +1,178 @@
+"""``sonocal tool``: a tip by pivoting, an axis by spinning, and the needle that follows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sonocal.cli.options import (
+    FILE,
+    INVALID,
+    JSON,
+    console,
+    seed,
+)
+from sonocal.errors import InputError
+
+if TYPE_CHECKING:
+    from sonocal.recording import Recording
+    from sonocal.tools import (
+        Stylus,
+        ToolCalibration,
+    )
+
+__all__ = ["tool"]
+
+
+class _Range(click.ParamType[slice]):
+    """FIRST:LAST, both included."""
+
+    name = "FIRST:LAST"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> slice:
+        first, colon, last = str(value).partition(":")
+        if not colon or not all(part.isdigit() or not part for part in (first, last)):
+            self.fail(f"{value!r} is not a range of frames such as 0:250", param, ctx)
+        return slice(int(first) if first else None, int(last) + 1 if last else None)
+
+
+class _Place(click.ParamType["tuple[float, ...] | Path"]):
+    """X,Y,Z in mm, or a file that an earlier ``sonocal tool`` wrote."""
+
+    name = "FILE|X,Y,Z"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...] | Path:
+        parts = str(value).split(",")
+        if len(parts) != 3:
+            return Path(value)
+        try:
+            return tuple(float(part) for part in parts)
+        except ValueError:
+            self.fail(f"{value!r} is neither three numbers in mm nor a file", param, ctx)
+
+
+@click.command()
+@click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
+@click.option(
+    "--tool", "tool_name", default="Needle", show_default=True, help="What the tool's marker is called."
+)
+@click.option("-o", "--output", type=FILE, help="File (.toml) to write.")
+@click.option("--spin", type=FILE, help="Recording of the tool spun about its shaft.")
+@click.option(
+    "--second", type=FILE, help="Recording of a pivot about, or touch of, a second point of the needle."
+)
+@click.option("--frames", type=_Range(), help="Frames of RECORDING to use.  [default: all]")
+@click.option(
+    "--spin-frames", type=_Range(), help="Frames of the spin; of RECORDING, if --spin is not given."
+)
+@click.option(
+    "--second-frames", type=_Range(), help="Frames of the second point; of RECORDING without --second."
+)
+@click.option(
+    "--length",
+    "length_mm",
+    type=click.FloatRange(0, min_open=True),
+    help="Of the shaft from its tip, mm.  [default: to beside the marker]",
+)
+@click.option("--stylus", help="Marker of a stylus that touches the tool: RECORDING is a touch, not a pivot.")
+@click.option("--stylus-tip", type=_Place(), help="Where the stylus' tip is in its marker's frame.")
+@click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
+@click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
+@INVALID
+@seed("the random triples of poses")
+@JSON
+def tool(recording: Path | None, *, output: Path | None, as_json: bool, **options: Any) -> None:
+    """Calibrate a tracked tool: where its tip and its shaft are in its marker's frame.
+
+    \b
+    RECORDING                          a pivot about the resting tip: the tip
+    --spin SPIN                        the tool spun about its shaft: the axis
+    RECORDING --spin SPIN              both: the needle, from its tip
+    RECORDING --second OTHER           two pivots: the needle through both points
+    RECORDING --second OTHER --stylus  two touches with a calibrated stylus
+
+    \b
+    Examples:
+      sonocal tool pivot.igs.mha --tool Stylus -o stylus.toml
+      sonocal tool pivot.igs.mha --spin spin.igs.mha --tool Needle -o needle.toml
+      sonocal tool touch.igs.mha --frames 0:40 --second-frames 90:130
+        --tool Needle --stylus Stylus --stylus-tip stylus.toml -o needle.toml
+
+    A needle is written as a [[line]], which "sonocal calibrate --lines" reads; a tip alone as a [[point]].
+    """  # noqa: D301 - click leaves the lines below the escape alone
+    from sonocal.cli.screen.recording import print_tool
+    from sonocal.files import write_atomically
+    from sonocal.tools import (
+        calibrate_tool,
+        tool_toml,
+    )
+
+    _refuse_half_a_stylus(options)
+    options |= _parts(recording, options)
+    options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
+    found = calibrate_tool(options.pop("tool_name"), **options)
+    if output is not None:
+        write_atomically(output, tool_toml(found, str(output)))
+    if as_json:
+        click.echo(_json(found))
+        return
+    print_tool(console(), found)
+    if output is not None:
+        click.echo(f"Wrote {output}")
+
+
+def _refuse_half_a_stylus(options: dict[str, Any]) -> None:
+    if (options["stylus"] is None) != (options["stylus_tip"] is None):
+        raise click.UsageError("--stylus and --stylus-tip go together: the marker, and the tip in its frame")
+
+
+def _parts(recording: Path | None, options: dict[str, Any]) -> dict[str, Recording]:
+    """What was recorded of the tool: each a file, or a range of frames of RECORDING."""
+    from sonocal.recording.formats import read_recording
+
+    files = {"first": recording, "second": options.pop("second"), "spin": options.pop("spin")}
+    ranges = {"first": options.pop("frames")}
+    ranges |= {name: options.pop(f"{name}_frames") for name in ("second", "spin")}
+    if not any(files.values()):
+        raise click.UsageError("Missing argument 'RECORDING'; give it, or --spin.")
+    read = {path: read_recording(path) for path in files.values() if path is not None}
+    parts = {}
+    for name, path in files.items():
+        source = path or (recording if ranges[name] is not None else None)
+        if source is not None:
+            parts[name] = _cut(read[source], ranges[name])
+    return parts
+
+
+def _cut(recording: Recording, frames: slice | None) -> Recording:
+    rows = range(len(recording))[frames or slice(None)]
+    if not rows:
+        raise InputError(
+            f"{recording.name}: has frames 0 to {len(recording) - 1}, none of which is in the range given"
+        )
+    return recording.select(rows)
+
+
+def _stylus(name: str | None, tip: tuple[float, ...] | Path | None) -> Stylus | None:
+    import numpy as np
+
+    from sonocal.tools import (
+        Stylus,
+        stylus_tip,
+    )
+
+    if name is None or tip is None:
+        return None
+    return Stylus(name, stylus_tip(tip, name) if isinstance(tip, Path) else np.array(tip))
+
+
+def _json(found: ToolCalibration) -> str:
+    import msgspec
+
+    return msgspec.json.format(
+        msgspec.json.encode(found, enc_hook=lambda array: array.tolist()), indent=1
+    ).decode()

@@ -1,0 +1,163 @@
+"""The command `sonocal validate`, and the report that it and `sonocal calibrate` write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sonocal.cli.options import (
+    FILE,
+    JSON,
+    NO_REPORT,
+    SCANNER,
+    console,
+    seed,
+)
+from sonocal.errors import InputError
+
+if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+    from sonocal.observations import Observations
+    from sonocal.validation import Comparison, PointSightings, Validation
+
+__all__ = ["validate"]
+
+
+class _NWire(click.ParamType[tuple[str, str, str]]):
+    """LEFT,MIDDLE,RIGHT."""
+
+    name = "LEFT,MIDDLE,RIGHT"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, str, str]:
+        names = [name.strip() for name in str(value).split(",")]
+        if len(names) != 3 or not all(names):
+            self.fail(f"{value!r} is not three targets such as left,middle,right", param, ctx)
+        return names[0], names[1], names[2]
+
+
+@click.command()
+@click.argument("calibration", metavar="CALIBRATION", type=FILE)
+@click.argument("table", metavar="INPUT", type=FILE)
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    help="Folder for report.html.  [default: CALIBRATION's]",
+)
+@click.option("--split", metavar="NAME", help="Take the rows of this split as held out.")
+@click.option("--crosswire", is_flag=True, help="INPUT is a table of points.  [default: by its columns]")
+@click.option(
+    "--nwire",
+    "nwires",
+    type=_NWire(),
+    multiple=True,
+    help="Targets of an N, for PLUS's error; once for each N.",
+)
+@click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration.json.")
+@SCANNER
+@seed("the resampling")
+@NO_REPORT
+@JSON
+def validate(
+    calibration: Path,
+    table: Path,
+    *,
+    output: Path | None,
+    compare: Path | None,
+    scanner_mm_per_px: float | None,
+    report: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """How far off is a calibration (calibration.json), on a table of sightings or points (CSV)?
+
+    \b
+    INPUT is one of
+      the calibration's own input: leave-one-out errors, repeatability, and
+        the held-out error of its test split;
+      other sightings: their error;
+      points, with u_px, v_px and x_mm, y_mm, z_mm (where the point is known to
+        be) or probe_00 ... probe_23 (the probe's pose): projection
+        reconstruction accuracy, spread at a fixed cross-wire.
+    """  # noqa: D301 - click leaves the lines below the escape alone
+    from sonocal.calibration import load_calibration
+    from sonocal.cli.report import report_files
+    from sonocal.files import read_bytes, write_into_folder
+    from sonocal.setup_checks.whole import checked
+
+    found = load_calibration(calibration)
+    other = None if compare is None else load_calibration(compare)
+    content = read_bytes(table)
+    numbers, rows = _numbers(found, content, table.name, **options)
+    comparison = None if other is None else _compared(found, other)
+    if rows is not None:
+        expected = None if other is None else other.probe_from_image.rotation
+        found = checked(found, rows, scanner_mm_per_px=scanner_mm_per_px, expected=expected)
+    files = report_files(found, rows, numbers, comparison) if report else {}
+    folder = calibration.parent if output is None else output
+    write_into_folder(folder, files)
+    if as_json:
+        click.echo(_json(numbers, comparison))
+        return
+    _print(found, numbers, comparison)
+    for name in files:
+        click.echo(f"Wrote {folder / name}")
+
+
+def _numbers(
+    calibration: Calibration,
+    content: bytes,
+    name: str,
+    *,
+    crosswire: bool,
+    split: str | None,
+    nwires: tuple[tuple[str, str, str], ...],
+    seed: int,
+) -> tuple[Validation, Observations | None]:
+    from sonocal.observations import parse_observations
+    from sonocal.validation import parse_point_sightings, validate, validate_points
+
+    header = content.split(b"\n", 1)[0]
+    if crosswire or (b"x0_mm" not in header and b"u_px" in header):
+        points: PointSightings = parse_point_sightings(content, name)
+        return validate_points(calibration, points), None
+    rows = parse_observations(content, name)
+    return validate(calibration, rows, split=split, nwires=nwires, seed=seed), rows
+
+
+def _compared(first: Calibration, second: Calibration) -> Comparison:
+    from sonocal.validation import compare
+
+    return compare(first, second)
+
+
+def _print(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> None:
+    from sonocal.cli.screen.validation import print_validation
+
+    if not numbers.quantities and not numbers.diagnostics:
+        raise InputError(f"{numbers.source}: gives no number; it needs held-out rows, places or poses")
+    print_validation(console(), calibration, numbers, comparison)
+
+
+def _json(numbers: Validation, comparison: Comparison | None) -> str:
+    import msgspec
+
+    record: dict[str, Any] = {
+        "input": numbers.source,
+        "sha256": numbers.sha256,
+        "quantities": numbers.quantities,
+        "diagnostics": numbers.diagnostics,
+    }
+    if comparison is not None:
+        record["comparison"] = {
+            "places_px": comparison.places_px.tolist(),
+            "distance_mm": comparison.distance_mm.tolist(),
+            "allowed_mm": comparison.allowed_mm.tolist(),
+            "p_value": comparison.p_value,
+            "shared_input": comparison.shared_input,
+        }
+    return msgspec.json.format(msgspec.json.encode(record), indent=1).decode()

@@ -1,0 +1,27 @@
+"""Bytes, tables and pictures in files, with every failure turned into one sentence."""
+
+from sonocal.files.disk import (
+    beside,
+    digest,
+    file_size,
+    read_at,
+    read_bytes,
+    read_text,
+    reading,
+    write_atomically,
+    write_into_folder,
+    writing,
+)
+
+__all__ = [
+    "beside",
+    "digest",
+    "file_size",
+    "read_at",
+    "read_bytes",
+    "read_text",
+    "reading",
+    "write_atomically",
+    "write_into_folder",
+    "writing",
+]

@@ -1,0 +1,33 @@
+"""Similarities, segments and lines, and the image among them: the nouns of the package."""
+
+from sonocal.geometry.image import (
+    area_places,
+    image_crossings,
+    needle_in_image,
+    needle_in_volume,
+    predicted_needles,
+    predicted_points,
+)
+from sonocal.geometry.transforms import (
+    Array,
+    AxisScaled,
+    Similarity,
+    homogeneous_points,
+    segment_directions,
+    similarity_errors,
+)
+
+__all__ = [
+    "Array",
+    "AxisScaled",
+    "Similarity",
+    "area_places",
+    "homogeneous_points",
+    "image_crossings",
+    "needle_in_image",
+    "needle_in_volume",
+    "predicted_needles",
+    "predicted_points",
+    "segment_directions",
+    "similarity_errors",
+]

@@ -1,0 +1,221 @@
+"""Sightings of straight things: a point in the image against a line in the probe marker's frame.
+
+One row is one point. A 2D probe sees a needle as one point; a 3D probe sees a line, given by two or
+more rows of the same split, frame and target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sonocal.errors import InputError
+from sonocal.geometry import Array
+
+__all__ = [
+    "Observations",
+    "group_codes",
+]
+
+SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
+
+_DEFAULT: Any = None  # filled in by the constructor
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """A table of sightings; all arrays have one entry a row.
+
+    Args:
+        points_px: (N, 2) for a 2D probe or (N, 3) for a 3D probe: ``(u, v[, w])``, px.
+        segments_mm: (N, 2, 3): the two end points of the line, mm, in the probe marker's frame.
+        frame: (N,) integers; rows of one frame share an image. Default: every row its own frame.
+        target: (N,) text: which needle or wire. Default: one target.
+        split: (N,) text: which part of the data the row belongs to. Default: all in one, "".
+        sigma_px: (N,) standard deviation of the point, px, or None when unknown.
+        sigma_mm: (N,) standard deviation of the segment's end points, mm, or None when unknown.
+        extra: further columns of the file, as text, kept for writing.
+        source: the name that messages give the table.
+        lines: (N,) line of each row in the file, for messages.
+        sha256: digest of the file, or "".
+
+    Raises:
+        InputError: a shape does not fit, a value is not finite, a segment has no length, or a row
+            stands twice.
+    """
+
+    points_px: Array
+    segments_mm: Array
+    frame: NDArray[np.int64] = _DEFAULT
+    target: NDArray[np.str_] = _DEFAULT
+    split: NDArray[np.str_] = _DEFAULT
+    sigma_px: Array | None = None
+    sigma_mm: Array | None = None
+    extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    source: str = "observations"
+    lines: NDArray[np.int64] | None = None
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        points = np.ascontiguousarray(self.points_px, dtype=float)
+        segments = np.ascontiguousarray(self.segments_mm, dtype=float)
+        if points.ndim != 2 or points.shape[1] not in (2, 3):
+            raise InputError(f"{self.source}: points_px must have shape (N, 2) or (N, 3); got {points.shape}")
+        count = len(points)
+        if segments.shape != (count, 2, 3):
+            raise InputError(
+                f"{self.source}: segments_mm must have shape ({count}, 2, 3), one a point; got {segments.shape}"
+            )
+        self._set("points_px", points)
+        self._set("segments_mm", segments)
+        self._set_column("frame", np.arange(count) if self.frame is None else self.frame, np.int64)
+        self._set_column("target", np.full(count, "needle") if self.target is None else self.target, np.str_)
+        self._set_column("split", np.full(count, "") if self.split is None else self.split, np.str_)
+        for name in ("sigma_px", "sigma_mm"):
+            if getattr(self, name) is not None:
+                self._set_column(name, getattr(self, name), np.float64)
+        self._check_values()
+
+    def __len__(self) -> int:
+        return len(self.points_px)
+
+    @property
+    def dimension(self) -> int:
+        """2 for a 2D probe, 3 for a 3D probe."""
+        return int(self.points_px.shape[1])
+
+    @property
+    def sightings(self) -> NDArray[np.int64]:
+        """(N,): a number a sighting, counted from 0: rows of one split, frame and target share it."""
+        return group_codes(self.split, self.frame, self.target)
+
+    def select(self, rows: ArrayLike) -> Observations:
+        """The table of some rows, given by a mask or by indices."""
+        index = np.asarray(rows)
+        columns = {
+            name: value[index]
+            for name in (
+                "points_px",
+                "segments_mm",
+                "frame",
+                "target",
+                "split",
+                "sigma_px",
+                "sigma_mm",
+                "lines",
+            )
+            if (value := getattr(self, name)) is not None
+        }
+        part = copy(self)  # rows of a sound table are sound: no second check
+        for name, column in columns.items():
+            part._set(name, column)
+        part._set("extra", {name: column[index] for name, column in self.extra.items()})
+        return part
+
+    def select_split(self, name: str) -> Observations:
+        """The rows of one split.
+
+        Raises:
+            InputError: no row has that split; the sentence names those there are.
+        """
+        rows = self.split == name
+        if not rows.any():
+            have = ", ".join(repr(str(s)) for s in np.unique(self.split)) or "none"
+            raise InputError(f"{self.source}: no row has split {name!r}; the splits in it are {have}")
+        return self.select(rows)
+
+    def where(self, row: int) -> str:
+        """How messages name a row."""
+        if self.lines is None:
+            return f"{self.source}, row {row}"
+        return f"{self.source}, line {self.lines[row]}"
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _set_column(self, name: str, values: ArrayLike, kind: type) -> None:
+        try:
+            column: NDArray[Any] = np.asarray(values).astype(
+                kind, casting="same_kind" if kind is np.int64 else "unsafe"
+            )
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{self.source}: {name} must be {kind.__name__}; {error}") from None
+        if column.shape != (len(self),):
+            raise InputError(f"{self.source}: {name} must have shape ({len(self)},); got {column.shape}")
+        self._set(name, column)
+
+    def _check_values(self) -> None:
+        columns = dict(zip(("u_px", "v_px", "w_px"), self.points_px.T, strict=False))
+        columns |= dict(zip(SEGMENT_COLUMNS, self.segments_mm.reshape(-1, 6).T, strict=True))
+        for name, values in columns.items():
+            if (row := _first(~np.isfinite(values))) is not None:
+                raise InputError(
+                    f"{self.where(row)}, column {name}: {values[row]} is not a finite number; "
+                    "leave out rows that were not seen"
+                )
+        for name in ("sigma_px", "sigma_mm"):
+            sigma = getattr(self, name)
+            if sigma is not None and (row := _first(~(np.isfinite(sigma) & (sigma > 0)))) is not None:
+                raise InputError(
+                    f"{self.where(row)}, column {name}: {sigma[row]} is not a positive number; "
+                    "give a standard deviation, or drop the column"
+                )
+        lengths = np.linalg.norm(self.segments_mm[:, 1] - self.segments_mm[:, 0], axis=1)
+        if (row := _first(lengths == 0)) is not None:
+            end = ", ".join(f"{x:g}" for x in self.segments_mm[row, 0])
+            raise InputError(
+                f"{self.where(row)}: the segment has zero length, both ends are at ({end}) mm; "
+                "give two different points of the needle"
+            )
+        if (pair := self._duplicate()) is not None:
+            first, second = pair
+            raise InputError(
+                f"{self.where(second)}: repeats {self.where(first).removeprefix(self.source + ', ')} "
+                f"(frame {self.frame[first]}, target {str(self.target[first])!r}) value for value; "
+                "delete one, a copy is not a second measurement"
+            )
+
+    def _duplicate(self) -> tuple[int, int] | None:
+        numbers = np.column_stack([self.points_px, self.segments_mm.reshape(-1, 6), self.sightings])
+        numbers = np.ascontiguousarray(numbers + 0.0)  # -0.0 and 0.0 are the same place
+        packed = numbers.view(np.dtype((np.void, numbers.dtype.itemsize * numbers.shape[1]))).reshape(-1)
+        unique, first, inverse = np.unique(packed, return_index=True, return_inverse=True)
+        if len(unique) == len(packed):
+            return None
+        second = int(np.flatnonzero(first[inverse.reshape(-1)] != np.arange(len(packed)))[0])
+        return int(first[inverse.reshape(-1)[second]]), second
+
+
+def stacked(tables: Sequence[Observations]) -> Observations:
+    """Tables one after the other, their rows in the order of frames; all have the same columns."""
+    points = np.concatenate([table.points_px for table in tables])
+    order = np.argsort(np.concatenate([table.frame for table in tables]), kind="stable")
+    names = ["segments_mm", "frame", "target", "split"]
+    names += ["sigma_px"] if tables[0].sigma_px is not None else []
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(table, name) for table in tables])[order] for name in names
+    }
+    return Observations(points_px=points[order], source=tables[0].source, **columns)
+
+
+def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
+    """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
+    codes = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        if len(column) == 0 or np.all(column == column[0]):
+            continue
+        distinct, code = np.unique(column, return_inverse=True)
+        codes = codes * len(distinct) + code.reshape(-1)
+        if column is not columns[0]:
+            codes = np.unique(codes, return_inverse=True)[1].reshape(-1)
+    return codes
+
+
+def _first(mask: NDArray[np.bool_]) -> int | None:
+    rows = np.flatnonzero(mask)
+    return int(rows[0]) if len(rows) else None

@@ -1,0 +1,138 @@
+"""The file of a table of sightings: CSV that is read back to the last bit."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.errors import FormatError, InputError
+from sonocal.files import read_bytes, write_atomically
+from sonocal.files.tables import (
+    csv_text,
+    parse_table,
+)
+from sonocal.observations.table import _DEFAULT, SEGMENT_COLUMNS, Observations
+
+__all__ = ["observations_csv", "parse_observations", "read_observations", "write_observations"]
+
+REQUIRED_COLUMNS = ("frame", "target", "u_px", "v_px", *SEGMENT_COLUMNS)
+
+
+KNOWN_COLUMNS = (*REQUIRED_COLUMNS, "w_px", "split", "sigma_px", "sigma_mm")
+
+
+def read_observations(path: str | Path) -> Observations:
+    """Read a table of sightings from a CSV file.
+
+    Columns: ``frame, target, u_px, v_px[, w_px], x0_mm, y0_mm, z0_mm, x1_mm, y1_mm, z1_mm[, split]
+    [, sigma_px][, sigma_mm]``; further columns are kept as text.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The table; it has three image coordinates when there is a ``w_px`` column.
+
+    Raises:
+        InputError: the file cannot be read, a column is missing, or a value is wrong; the sentence
+            names the file, line and column.
+        FormatError: the file is not a CSV table.
+    """
+    path = Path(path)
+    return parse_observations(read_bytes(path), path.name)
+
+
+def parse_observations(data: bytes, name: str) -> Observations:
+    """The table in the content of a CSV file; `name` is what messages call it. As `read_observations`."""
+    if not data.strip():
+        raise InputError(
+            f"{name}: is empty; it needs a header with the columns {', '.join(REQUIRED_COLUMNS)}"
+        )
+    table = parse_table(name, csv_text(name, data, "observations are"))
+    _check_header(name, table.header)
+    table.need_rows("write one row a sighting")
+    numbers = {
+        column: table.numbers(column)
+        for column in (*REQUIRED_COLUMNS[2:], "w_px", "sigma_px", "sigma_mm")
+        if column in table.columns
+    }
+    return Observations(
+        points_px=np.column_stack([numbers[n] for n in ("u_px", "v_px", "w_px") if n in numbers]),
+        segments_mm=np.column_stack([numbers[n] for n in SEGMENT_COLUMNS]).reshape(-1, 2, 3),
+        frame=_frames(name, table.columns["frame"], table.lines),
+        target=table.text("target"),
+        split=table.text("split") if "split" in table.columns else _DEFAULT,
+        sigma_px=numbers.get("sigma_px"),
+        sigma_mm=numbers.get("sigma_mm"),
+        extra={
+            column: np.array(cells, dtype=np.str_)
+            for column, cells in table.columns.items()
+            if column not in KNOWN_COLUMNS
+        },
+        source=name,
+        lines=np.array(table.lines, dtype=np.int64),
+        sha256=hashlib.sha256(data).hexdigest(),
+    )
+
+
+def write_observations(observations: Observations, path: str | Path) -> None:
+    """Write a table of sightings; reading it again gives the same numbers to the last bit.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_atomically(path, observations_csv(observations))
+
+
+def observations_csv(observations: Observations) -> bytes:
+    """The table as the text of its CSV file."""
+    columns: dict[str, Iterable[object]] = {
+        "frame": observations.frame.tolist(),
+        "target": observations.target.tolist(),
+    }
+    columns |= dict(zip(("u_px", "v_px", "w_px"), observations.points_px.T.tolist(), strict=False))
+    columns |= dict(zip(SEGMENT_COLUMNS, observations.segments_mm.reshape(-1, 6).T.tolist(), strict=True))
+    if np.any(observations.split != ""):
+        columns["split"] = observations.split.tolist()
+    for name in ("sigma_px", "sigma_mm"):
+        if (sigma := getattr(observations, name)) is not None:
+            columns[name] = sigma.tolist()
+    columns |= {name: column.tolist() for name, column in observations.extra.items()}
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return text.getvalue().encode()
+
+
+def _check_header(name: str, header: Sequence[str]) -> None:
+    missing = [column for column in REQUIRED_COLUMNS if column not in header]
+    if len(missing) == len(REQUIRED_COLUMNS):
+        raise FormatError(
+            f"{name}, line 1: is not the header of an observation table; it needs the columns "
+            f"{', '.join(REQUIRED_COLUMNS)}, separated by commas"
+        )
+    if missing:
+        plural = "s" if len(missing) > 1 else ""
+        raise InputError(
+            f"{name}, line 1: lacks the column{plural} {', '.join(missing)}; the header has {', '.join(header)}"
+        )
+
+
+def _frames(name: str, cells: Sequence[str], lines: Sequence[int]) -> NDArray[np.int64]:
+    try:
+        return np.array([int(cell) for cell in cells], dtype=np.int64)
+    except (ValueError, OverflowError):
+        row = next(
+            i for i, cell in enumerate(cells) if not cell.strip().lstrip("+-").isdigit() or len(cell) > 18
+        )
+    raise InputError(
+        f"{name}, line {lines[row]}, column frame: {cells[row].strip()!r} is not a whole number; "
+        "number the images, rows of one image share its number"
+    )

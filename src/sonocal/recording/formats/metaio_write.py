@@ -1,0 +1,120 @@
+"""Writing PLUS sequence metafiles: ``.mha``, or ``.mhd`` beside a ``.raw`` or ``.zraw``."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from sonocal.errors import InputError
+from sonocal.files import writing
+from sonocal.recording.formats.metaio import (
+    is_sequence,
+    structure_of,
+)
+from sonocal.recording.formats.sequence_fields import (
+    PREFIX,
+    item_lines,
+)
+from sonocal.recording.formats.written import (
+    kept_fields,
+    pixels_of,
+    stored_orientation,
+)
+from sonocal.recording.model import Recording
+
+__all__ = ["write_metaio"]
+
+# Room for the size of the compressed pixels, which is known only after the header is written.
+SIZE_DIGITS = 20
+
+
+def write_metaio(recording: Recording, path: str | Path, compress: bool = True) -> None:
+    """Write a recording as PLUS does; reading it again gives the same frames, poses, times and fields.
+
+    Frames are written one at a time, in the MF orientation they were read in.
+
+    Args:
+        recording: what to write.
+        path: ``.mha`` (one file) or ``.mhd`` (pixels in a file beside it).
+        compress: with zlib.
+
+    Raises:
+        InputError: a field cannot stand in a header, or the file cannot be written; nothing is left half
+            written.
+    """
+    path = Path(path)
+    compress = compress and recording.image is not None
+    if path.suffix == ".mhd":
+        data = path.with_suffix(".zraw" if compress else ".raw")
+        with writing(data) as pixels:
+            size = _write_pixels(recording, pixels, compress)
+        with writing(path) as header:
+            _write_header(recording, header, compress, data.name)
+            _fill_size(header, size, compress)
+        return
+    with writing(path) as file:
+        _write_header(recording, file, compress, "LOCAL")
+        size = _write_pixels(recording, file, compress)
+        _fill_size(file, size, compress)
+
+
+def _write_header(recording: Recording, file: BinaryIO, compress: bool, data: str) -> None:
+    # MetaIO reads on after ElementDataFile, so that field comes last.
+    for key, text in _header_lines(recording, compress):
+        if "\n" in text or "\r" in text or "=" in key:
+            raise InputError(
+                f"{recording.name}: field {key!r} holds a line break or '=' and cannot stand in a header"
+            )
+        file.write(f"{key} = {text}\n".encode())
+    file.write(f"ElementDataFile = {data}\n".encode())
+
+
+def _header_lines(recording: Recording, compress: bool) -> Iterator[tuple[str, str]]:
+    for key, text in structure_of(recording, compress).items():
+        yield key, text
+        if key == "CompressedData" and compress:
+            yield "CompressedDataSize", " " * SIZE_DIGITS
+    if recording.image is not None or "UltrasoundImageOrientation" in recording.fields:
+        yield "UltrasoundImageOrientation", stored_orientation(recording)
+    yield from kept_fields(recording, "metaio").items()
+    if is_sequence(recording):
+        yield from _described(recording)
+
+
+def _described(recording: Recording) -> Iterator[tuple[str, str]]:
+    """The fields of the items; a status where there are none, for only they tell a sequence from a volume."""
+    lines = item_lines(recording)
+    first = next(lines, None)
+    if first is None:
+        yield from ((f"{PREFIX}{i:04d}_ImageStatus", "OK") for i in range(len(recording)))
+        return
+    yield first
+    yield from lines
+
+
+def _write_pixels(recording: Recording, file: BinaryIO, compress: bool) -> int:
+    deflate = zlib.compressobj()
+    written = 0
+    for frame in pixels_of(recording):
+        data = frame.astype(frame.dtype.newbyteorder("<"), copy=False)
+        block = np.ascontiguousarray(data).data
+        written += file.write(deflate.compress(block) if compress else block)
+    if compress:
+        written += file.write(deflate.flush())
+    return written
+
+
+def _fill_size(file: BinaryIO, size: int, compress: bool) -> None:
+    if not compress:
+        return
+    file.flush()
+    file.seek(0)
+    while line := file.readline():
+        if line.startswith(b"CompressedDataSize"):
+            file.seek(-len(line), 1)
+            file.write(f"CompressedDataSize = {size:<{SIZE_DIGITS}d}".encode())
+            return

@@ -1,0 +1,153 @@
+"""OptiTrack Motive's CSV export: rigid bodies as quaternions, blank cells where one was occluded.
+
+Its world has Y up and its lengths are metres unless it says millimetres. Poses are brought to mm; the
+world is kept as it is, for only how tools lie to each other matters here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sonocal.errors import FormatError, InputError, UnsupportedError
+from sonocal.files.tables import (
+    cells_to_numbers,
+    csv_rows,
+)
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array
+from sonocal.recording.model import Provenance, Recording
+from sonocal.recording.poses import Poses, by_name
+
+__all__ = ["is_motive", "read_motive_text"]
+
+MM_PER_UNIT = {
+    "meters": 1000.0,
+    "metres": 1000.0,
+    "centimeters": 10.0,
+    "millimeters": 1.0,
+    "millimetres": 1.0,
+}
+AXES = {"Rotation": ("X", "Y", "Z", "W"), "Position": ("X", "Y", "Z")}
+
+
+def is_motive(text: str) -> bool:
+    """Whether a table is Motive's: its first cell is ``Format Version``."""
+    return text.lstrip()[:20].strip('"').startswith("Format Version")
+
+
+def read_motive_text(path: Path, text: str) -> Recording:
+    """Read Motive's export.
+
+    Raises:
+        FormatError: the header rows are not Motive's.
+        UnsupportedError: rotations are not quaternions.
+        InputError: it holds no rigid body, or a cell is wrong.
+    """
+    rows, lines = csv_rows(path.name, text)
+    about = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
+    top = next(
+        (i for i, row in enumerate(rows) if [c.strip() for c in row[:2]] == ["Frame", "Time (Seconds)"]), None
+    )
+    if top is None or top + 1 >= len(rows):
+        raise FormatError(
+            f"{path.name}: has no row 'Frame,Time (Seconds),...' with data below it; export it again"
+        )
+    _check_rotation(path.name, about)
+    body = [row + [""] * (len(rows[top]) - len(row)) for row in rows[top + 1 :]]
+    body_lines = lines[top + 1 :]
+    header = _header_rows(path.name, rows[1:top], rows[top])
+    scale = _scale(path.name, about)
+    poses = by_name(list(_bodies(path.name, header, body, body_lines, scale)), path.name)
+    if not poses:
+        raise InputError(
+            f"{path.name}: holds no rigid body; export rigid bodies with their rotations as quaternions"
+        )
+    times = cells_to_numbers(path.name, "Time (Seconds)", [row[1] for row in body], body_lines)
+    if not np.isfinite(times).all():
+        raise InputError(f"{path.name}: a time is not finite; export it again")
+    return Recording(
+        times=times,
+        poses=poses,
+        fields={key: value for key, value in about.items() if key},
+        provenance=Provenance(path.name, "OptiTrack Motive CSV", (str(path),)),
+        diagnostics=(_about_axes(about, scale),),
+    )
+
+
+def _check_rotation(name: str, about: dict[str, str]) -> None:
+    kind = about.get("Rotation Type", "Quaternion")
+    if kind != "Quaternion":
+        raise UnsupportedError(
+            f"{name}: its rotations are {kind[:40]!r}; export them from Motive as Quaternion"
+        )
+
+
+def _scale(name: str, about: dict[str, str]) -> float:
+    unit = about.get("Length Units", "Meters")
+    if unit.lower() not in MM_PER_UNIT:
+        raise InputError(f"{name}: its Length Units are {unit[:40]!r}; export metres or millimetres")
+    return MM_PER_UNIT[unit.lower()]
+
+
+def _header_rows(
+    name: str, rows: Sequence[Sequence[str]], axes: Sequence[str]
+) -> list[tuple[str, str, str, str]]:
+    """(type, name, Rotation or Position, axis) of every column."""
+    by_label = {row[1].strip(): row for row in rows if len(row) > 2}
+    types = by_label.get("Type") or next((row for row in rows if "Rigid Body" in row), None)
+    quantities = next((row for row in rows if "Rotation" in row), None)
+    if types is None or "Name" not in by_label or quantities is None:
+        raise FormatError(
+            f"{name}: lacks the rows of types, names and quantities above the data; export it again"
+        )
+    columns = []
+    for i, axis in enumerate(axes):
+        cells = [row[i].strip() if i < len(row) else "" for row in (types, by_label["Name"], quantities)]
+        columns.append((cells[0], cells[1], cells[2], axis.strip()))
+    return columns
+
+
+def _bodies(
+    name: str, header: list[tuple[str, str, str, str]], body: list[list[str]], lines: list[int], scale: float
+) -> Iterator[Poses]:
+    from sonocal.recording.poses import poses_from_quaternions
+
+    tools = dict.fromkeys(
+        tool for kind, tool, quantity, _ in header if kind == "Rigid Body" and quantity == "Rotation"
+    )
+    for tool in tools:
+        parts: dict[str, Array] = {}
+        for quantity, axes in AXES.items():
+            places = [_column(name, header, tool, quantity, axis) for axis in axes]
+            parts[quantity] = np.column_stack(
+                [
+                    cells_to_numbers(name, f"{tool} {quantity} {axis}", [r[i] for r in body], lines, np.nan)
+                    for i, axis in zip(places, axes, strict=True)
+                ]
+            )
+        quaternions = np.roll(parts["Rotation"], 1, axis=1)
+        yield poses_from_quaternions(quaternions, scale * parts["Position"], tool, "Tracker", name)
+
+
+def _column(name: str, header: list[tuple[str, str, str, str]], tool: str, quantity: str, axis: str) -> int:
+    try:
+        return header.index(("Rigid Body", tool, quantity, axis))
+    except ValueError:
+        raise FormatError(
+            f"{name}: rigid body {tool!r} lacks its column {quantity} {axis}; export it again"
+        ) from None
+
+
+def _about_axes(about: dict[str, str], scale: float) -> Diagnostic:
+    return Diagnostic(
+        code="motive-axes",
+        severity="info",
+        message=(
+            f"Motive's world has Y up and is kept; its lengths ({about.get('Length Units', 'Meters')}) were multiplied "
+            f"by {scale:g} to mm"
+        ),
+        advice="calibrations use poses of tools to each other, in which the world cancels",
+    )

@@ -1,0 +1,63 @@
+"""Points found in the images of a recording, and their file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.errors import InputError
+from sonocal.files import read_text
+from sonocal.files.tables import parse_table
+from sonocal.geometry import Array
+
+__all__ = ["Detections", "read_detections"]
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """Points found in the images of a recording; all arrays have one entry a point.
+
+    Attributes:
+        frame: (N,) index of the image in the recording.
+        points_px: (N, 2) or (N, 3), in the MF-oriented image.
+        target: (N,) name of the line; "" where there is only one to choose.
+        sigma_px: (N,) standard deviations, or None.
+        source: the name that messages give it.
+    """
+
+    frame: NDArray[np.int64]
+    points_px: Array
+    target: NDArray[np.str_]
+    sigma_px: Array | None = None
+    source: str = "detections"
+
+
+def read_detections(path: str | Path) -> Detections:
+    """Read points found in images: a CSV with ``frame, u_px, v_px[, w_px][, target][, sigma_px]``.
+
+    Raises:
+        InputError: a column is missing or a value is wrong; the sentence names file, line and column.
+        FormatError: the file is not CSV.
+    """
+    path = Path(path)
+    table = parse_table(path.name, read_text(path, "a table of points"))
+    table.need_rows("write one row a point")
+    if missing := [column for column in ("frame", "u_px", "v_px") if column not in table.columns]:
+        raise InputError(
+            f"{path.name}, line {table.lines[0] - 1}: lacks the column {missing[0]}; "
+            "a table of points has frame, u_px, v_px and perhaps w_px, target, sigma_px"
+        )
+    coordinates = [table.numbers(column) for column in ("u_px", "v_px", "w_px") if column in table.columns]
+    frames = table.numbers("frame")
+    if not (np.abs(frames) < 2**53).all() or not np.array_equal(frames, np.round(frames)):
+        raise InputError(f"{path.name}, column frame: holds a number that is not whole; count images from 0")
+    return Detections(
+        frame=frames.astype(np.int64),
+        points_px=np.column_stack(coordinates),
+        target=table.text("target") if "target" in table.columns else np.full(len(frames), ""),
+        sigma_px=table.numbers("sigma_px") if "sigma_px" in table.columns else None,
+        source=path.name,
+    )

@@ -1,0 +1,156 @@
+"""PLUS device sets (XML): constant transforms, and the wires of an N-wire phantom."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from sonocal.errors import FormatError, InputError
+from sonocal.files import read_text
+from sonocal.geometry import Array
+from sonocal.targets.lines import (
+    Line,
+    check_lines,
+    read_lines_toml,
+)
+
+__all__ = ["DeviceSet", "parse_xml", "read_device_set", "read_lines"]
+
+SIZE_LIMIT = 16 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class DeviceSet:
+    """What sonocal uses of a PLUS device set.
+
+    Attributes:
+        name: of the file.
+        transforms: ``(target, source) -> (4, 4)``, such as ``("Reference", "Phantom")``.
+        wires: of the phantom, in its own frame.
+        patterns: names of the wires of each N: left, middle, right.
+    """
+
+    name: str
+    transforms: Mapping[tuple[str, str], Array]
+    wires: tuple[Line, ...]
+    patterns: tuple[tuple[str, ...], ...]
+
+
+def read_device_set(path: str | Path) -> DeviceSet:
+    """Read a PLUS device set.
+
+    Raises:
+        FormatError: the file is not XML, or holds entities or a document type, which device sets never
+            need and attacks do.
+        InputError: it is another XML document, or a matrix or wire in it is wrong.
+    """
+    path = Path(path)
+    root = parse_xml(path.name, read_text(path, "a PLUS device set", SIZE_LIMIT))
+    if root.tag != "PlusConfiguration":
+        raise InputError(
+            f"{path.name}: its root is <{str(root.tag)[:40]}> where a PLUS device set has <PlusConfiguration>"
+        )
+    phantom = _phantom_frame(root)
+    patterns = [list(_wires(path.name, element, phantom)) for element in _patterns(root)]
+    wires = tuple(wire for pattern in patterns for wire in pattern)
+    check_lines(path.name, wires)
+    names = tuple(tuple(wire.name for wire in pattern) for pattern in patterns)
+    return DeviceSet(path.name, dict(_transforms(path.name, root)), wires, names)
+
+
+def read_lines(path: str | Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, str], Array]]:
+    """Needles and wires from a ``.toml`` or from a PLUS device set.
+
+    Returns:
+        The lines, and the constant transforms that come with them (none with a ``.toml``).
+
+    Raises:
+        InputError: the file holds no line.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".xml":
+        return read_lines_toml(path), {}
+    devices = read_device_set(path)
+    if not devices.wires:
+        raise InputError(
+            f"{path.name}: describes no phantom wires; name a device set with a PhantomDefinition"
+        )
+    return devices.wires, devices.transforms
+
+
+def parse_xml(name: str, text: str) -> ET.Element:
+    """Parse XML that declares nothing: no document type, hence no entities and no bombs.
+
+    Raises:
+        FormatError: it declares something, or is not XML.
+    """
+    if re.search(r"<!(?!--|\[CDATA\[)", text):
+        raise FormatError(
+            f"{name}: declares a document type or entities, which a device set never needs; delete them"
+        )
+    try:
+        # As bytes, with the declaration dropped: the text was decoded already.
+        return ET.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text).encode())
+    except (ET.ParseError, ValueError, LookupError) as error:
+        raise FormatError(f"{name}: is not XML ({error})") from None
+
+
+def _transforms(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], Array]]:
+    for element in root.iterfind("CoordinateDefinitions/Transform"):
+        source, target = element.get("From"), element.get("To")
+        if not source or not target:
+            raise InputError(f"{name}: a Transform lacks From or To")
+        yield (target, source), _matrix(name, f"{source}To{target}", element.get("Matrix"))
+    for element in root.iterfind("PhantomDefinition/Geometry/Registration"):  # before PLUS 2
+        match = re.fullmatch(r"(.+?)To([A-Z].*)", element.get("MatrixName", ""))
+        if match:
+            yield (match[2], match[1]), _matrix(name, match[0], element.get("MatrixValue"))
+
+
+def _matrix(name: str, transform: str, text: str | None) -> Array:
+    numbers = _numbers(text)
+    if numbers is None or len(numbers) != 16:
+        raise InputError(
+            f"{name}: Transform {transform} needs a Matrix of 16 finite numbers; got {str(text)[:60]!r}"
+        )
+    matrix = numbers.reshape(4, 4)
+    if not np.array_equal(matrix[3], [0, 0, 0, 1]) or abs(np.linalg.det(matrix)) < 1e-12:
+        raise InputError(f"{name}: Transform {transform} cannot be inverted, or its last row is not 0 0 0 1")
+    return matrix
+
+
+def _patterns(root: ET.Element) -> Iterator[ET.Element]:
+    for geometry in root.iterfind("PhantomDefinition/Geometry"):
+        yield from (pattern for pattern in geometry.iterfind("Pattern") if pattern.find("Wire") is not None)
+        yield from geometry.iterfind("NWire")  # before PLUS 2.1
+
+
+def _wires(name: str, pattern: ET.Element, phantom: str) -> Iterator[Line]:
+    for wire in pattern.iterfind("Wire"):
+        label = wire.get("Name", "")
+        ends = [_numbers(wire.get(key)) for key in ("EndPointFront", "EndPointBack")]
+        if any(end is None or len(end) != 3 for end in ends):
+            raise InputError(
+                f"{name}: wire {label!r} needs EndPointFront and EndPointBack of three numbers, mm"
+            )
+        yield Line(label, phantom, np.array(ends))
+
+
+def _phantom_frame(root: ET.Element) -> str:
+    for element in root.iter():
+        if frame := element.get("PhantomCoordinateFrame"):
+            return frame
+    return "Phantom"
+
+
+def _numbers(text: str | None) -> Array | None:
+    try:
+        numbers = np.array([float(word) for word in (text or "").split()])
+    except ValueError:
+        return None
+    return numbers if np.isfinite(numbers).all() else None

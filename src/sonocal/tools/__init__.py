@@ -1,0 +1,31 @@
+"""Tracked tools: the tip by pivoting, the axis by spinning, the needle that follows."""
+
+from sonocal.tools.calibrate import Stylus, ToolCalibration, calibrate_tool, stylus_tip, tool_toml
+from sonocal.tools.needle import (
+    DigitisedPoint,
+    NeedleCalibration,
+    digitise_point,
+    needle_from_axis,
+    needle_from_points,
+    needle_from_spin,
+)
+from sonocal.tools.pivot import PivotCalibration, calibrate_pivot
+from sonocal.tools.spin import SpinCalibration, calibrate_spin
+
+__all__ = [
+    "DigitisedPoint",
+    "NeedleCalibration",
+    "PivotCalibration",
+    "SpinCalibration",
+    "Stylus",
+    "ToolCalibration",
+    "calibrate_pivot",
+    "calibrate_spin",
+    "calibrate_tool",
+    "digitise_point",
+    "needle_from_axis",
+    "needle_from_points",
+    "needle_from_spin",
+    "stylus_tip",
+    "tool_toml",
+]
