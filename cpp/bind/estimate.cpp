@@ -1,5 +1,5 @@
 // The whole estimate in one call, refinement alone, and whitened residuals.
-#include "sonocal/estimate.hpp"
+#include "sonocal/estimate/estimate.hpp"
 
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -10,8 +10,8 @@
 #include <tuple>
 
 #include "bind/arrays.hpp"
-#include "sonocal/correspondences.hpp"
-#include "sonocal/white_residuals.hpp"
+#include "sonocal/correspondences/correspondences.hpp"
+#include "sonocal/estimate/white_residuals.hpp"
 
 using namespace nb::literals;
 using namespace sonocal;

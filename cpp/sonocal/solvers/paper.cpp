@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sonocal/linalg/vectors.hpp"
 #include "sonocal/solvers/linear.hpp"
-#include "sonocal/vectors.hpp"
 
 namespace sonocal {
 namespace {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "sonocal/refine.hpp"
-#include "sonocal/white_residuals.hpp"
+#include "sonocal/estimate/refine.hpp"
+#include "sonocal/estimate/white_residuals.hpp"
 
 namespace sonocal {
 namespace {
