@@ -69,7 +69,7 @@ Transform transform_of(const Rotation& rotation, const Vector& translation, cons
   return a;
 }
 
-// What any of the calls below finds; what a call does not make is None.
+// What any of the calls below finds; asking for what a call does not make is an AttributeError.
 struct PyEstimate {
   using Array = std::optional<Out<double>>;
   bool found = false, converged = false;
@@ -80,6 +80,12 @@ struct PyEstimate {
   Array jacobian, shift, by_level, white;
   std::optional<Out<std::int32_t>> row;
 };
+
+template <auto kMember>
+auto made(const PyEstimate& e) {
+  if (!(e.*kMember)) throw nb::attribute_error("this call makes no such array");
+  return *(e.*kMember);
+}
 
 void put(const Transform& transform, PyEstimate& result) {
   result.rotation = to_numpy(transform.rotation);
@@ -210,13 +216,13 @@ void bind_estimate(nb::module_& m) {
       .def_ro("rotation", &PyEstimate::rotation, owned)
       .def_ro("translation", &PyEstimate::translation, owned)
       .def_ro("scales", &PyEstimate::scales, owned)
-      .def_ro("residuals_mm", &PyEstimate::residuals_mm, owned)
-      .def_ro("covariance", &PyEstimate::covariance, owned)
-      .def_ro("jacobian", &PyEstimate::jacobian, owned)
-      .def_ro("shift", &PyEstimate::shift, owned)
-      .def_ro("by_level", &PyEstimate::by_level, owned)
-      .def_ro("white", &PyEstimate::white, owned)
-      .def_ro("row", &PyEstimate::row, owned);
+      .def_prop_ro("residuals_mm", &made<&PyEstimate::residuals_mm>, owned)
+      .def_prop_ro("covariance", &made<&PyEstimate::covariance>, owned)
+      .def_prop_ro("jacobian", &made<&PyEstimate::jacobian>, owned)
+      .def_prop_ro("shift", &made<&PyEstimate::shift>, owned)
+      .def_prop_ro("by_level", &made<&PyEstimate::by_level>, owned)
+      .def_prop_ro("white", &made<&PyEstimate::white>, owned)
+      .def_prop_ro("row", &made<&PyEstimate::row>, owned);
   m.def("estimate", &py_estimate, "table"_a, "options"_a);
   m.def("refine", &py_refine, "table"_a, "chosen"_a.noconvert(), "start"_a, "options"_a);
   m.def("white_residuals", &py_white_residuals, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a);
