@@ -47,7 +47,6 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
     )
     from sonocal.files import write_into_folder
     from sonocal.observations import observations_csv, parse_observations
-    from sonocal.setup_checks.whole import checked
     from sonocal.simulation.scene import IMAGE_PX, simulate_observations
 
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
@@ -55,7 +54,7 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
     rows = parse_observations(
         table, "observations.csv"
     )  # as validation will read it: with its name and digest
-    calibration = checked(sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension)), rows)
+    calibration = sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension))
     files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
     files |= report_files(calibration, rows) if report else {}
     write_into_folder(output, files)

@@ -87,21 +87,21 @@ def validate(
     from sonocal.calibration import load_calibration
     from sonocal.cli.report import report_files
     from sonocal.files import read_bytes, write_into_folder
-    from sonocal.setup_checks.whole import checked
 
     found = load_calibration(calibration)
     other = None if compare is None else load_calibration(compare)
     content = read_bytes(table)
-    numbers, rows = _numbers(found, content, table.name, **options)
+    known = {
+        "scanner_mm_per_px": scanner_mm_per_px,
+        "expected_rotation": None if other is None else other.probe_from_image.rotation,
+    }
+    numbers, rows = _numbers(found, content, table.name, known=known, **options)
     comparison = None if other is None else _compared(found, other)
-    if rows is not None:
-        expected = None if other is None else other.probe_from_image.rotation
-        found = checked(found, rows, scanner_mm_per_px=scanner_mm_per_px, expected=expected)
     files = report_files(found, rows, numbers, comparison) if report else {}
     folder = calibration.parent if output is None else output
     write_into_folder(folder, files)
     if as_json:
-        click.echo(_json(numbers, comparison))
+        click.echo(_json(found, numbers, comparison))
         return
     _print(found, numbers, comparison)
     for name in files:
@@ -113,6 +113,7 @@ def _numbers(
     content: bytes,
     name: str,
     *,
+    known: dict[str, Any],
     crosswire: bool,
     split: str | None,
     nwires: tuple[tuple[str, str, str], ...],
@@ -126,7 +127,7 @@ def _numbers(
         points: PointSightings = parse_point_sightings(content, name)
         return validate_points(calibration, points), None
     rows = parse_observations(content, name)
-    return validate(calibration, rows, split=split, nwires=nwires, seed=seed), rows
+    return validate(calibration, rows, split=split, nwires=nwires, seed=seed, **known), rows
 
 
 def _compared(first: Calibration, second: Calibration) -> Comparison:
@@ -143,10 +144,13 @@ def _print(calibration: Calibration, numbers: Validation, comparison: Comparison
     print_validation(console(), calibration, numbers, comparison)
 
 
-def _json(numbers: Validation, comparison: Comparison | None) -> str:
+def _json(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> str:
     import msgspec
 
+    from sonocal.validation import give_verdict
+
     record: dict[str, Any] = {
+        "verdict": give_verdict(calibration, numbers),
         "input": numbers.source,
         "sha256": numbers.sha256,
         "quantities": numbers.quantities,

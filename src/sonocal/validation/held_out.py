@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration, line_distances, point_line_rows
+from sonocal.calibration.held_out import independent_units
 from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError
-from sonocal.geometry import Array, AxisScaled, homogeneous_points
+from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import FREE_INFORMATION, refuse_degenerate_lines
-from sonocal.registration.noise import residual_vectors, stretch_length
+from sonocal.registration.options import Options, Weighting
 from sonocal.registration.refine import refine_point_lines
 from sonocal.validation.quantity import Quantity, rms_quantity
 
 __all__ = [
     "held_out",
-    "independent_units",
     "leave_one_frame_out",
     "leave_one_target_out",
     "refitted",
@@ -91,14 +91,6 @@ def leave_one_target_out(calibration: Calibration, fitted: Observations) -> Quan
     )
 
 
-def independent_units(probe_from_image: AxisScaled, rows: Observations) -> NDArray[np.int64]:
-    """The unit (N,) of each row: its frame, or a stretch of frames where neighbours repeat one another."""
-    frame = group_codes(rows.split, rows.frame)
-    points = homogeneous_points(rows.points_px)
-    length = stretch_length(residual_vectors(probe_from_image, points, rows.segments_mm), frame)
-    return group_codes(rows.split, frame // length)
-
-
 def refitted(calibration: Calibration, rows: Observations, keep: NDArray[np.bool_]) -> AxisScaled:
     """The calibration of some of its rows, from where it stands.
 
@@ -106,17 +98,13 @@ def refitted(calibration: Calibration, rows: Observations, keep: NDArray[np.bool
         InputError: fewer rows are left than there are unknowns.
         DegenerateGeometryError: they leave a motion free.
     """
-    points = homogeneous_points(rows.points_px)
     if 2 * np.count_nonzero(keep) < 7 + (calibration.model == "anisotropic"):
         raise InputError(f"{rows.source}: {np.count_nonzero(keep)} rows are left, too few to fit")
-    refuse_degenerate_lines(points[keep], rows.segments_mm[keep], rows.dimension)
-    fit = refine_point_lines(
-        calibration.probe_from_image,
-        point_line_rows(rows),
-        keep,
-        model=calibration.model,
-        weighting="geometric" if calibration.noise.sigma_px is None else "likelihood",
-    )
+    table = point_line_rows(rows)
+    refuse_degenerate_lines(table, keep)
+    weighting: Weighting = "geometric" if calibration.noise.sigma_px is None else "likelihood"
+    options = Options(model=calibration.model, weighting=weighting)
+    fit = refine_point_lines(calibration.probe_from_image, table, keep, options)
     if not fit.least_information > FREE_INFORMATION:
         raise DegenerateGeometryError(
             f"{rows.source}: the {np.count_nonzero(keep)} rows that are left leave a motion of the image free; "

@@ -10,15 +10,17 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from sonocal.calibration import Calibration, ErrorStatistics
+from sonocal.calibration import Calibration, ErrorStatistics, point_line_rows
 from sonocal.cli.screen.parts import (
     number_table,
     print_findings,
+    verdict_text,
 )
-from sonocal.geometry import segment_directions, similarity_errors
+from sonocal.geometry import similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
 from sonocal.simulation.scene import SimulatedSightings
+from sonocal.validation import give_verdict
 
 __all__ = ["observation_splits", "print_calibration", "print_observations", "print_truth"]
 
@@ -26,9 +28,11 @@ __all__ = ["observation_splits", "print_calibration", "print_observations", "pri
 def print_calibration(console: Console, calibration: Calibration) -> None:
     """Warnings, verdict, errors, matrix, findings."""
     print_findings(console, calibration.warnings)
-    console.print(_verdict(calibration))
+    console.print(verdict_text(give_verdict(calibration)))
     console.print()
     console.print(_error_table(calibration))
+    console.print("These say how well rows agree, not how well the image is placed.")
+    console.print()
     if calibration.covariance is not None:
         console.print(_prediction_table(calibration))
     console.print(_matrix(calibration))
@@ -88,21 +92,10 @@ def observation_splits(observations: Observations) -> list[dict[str, Any]]:
             "frames": len(set(part.frame.tolist())),
             "targets": len(set(part.target.tolist())),
             "box_px": [part.points_px.min(0).tolist(), part.points_px.max(0).tolist()],
-            "tilt_spread_deg": float(np.degrees(direction_spread(segment_directions(part.segments_mm)))),
+            "tilt_spread_deg": float(np.degrees(direction_spread(point_line_rows(part)))),
         }
         for name, part in parts.items()
     ]
-
-
-def _verdict(calibration: Calibration) -> Text:
-    if calibration.covariance is None:
-        return Text("Do not rely on it: no error can be predicted.", style="bold red")
-    worst = calibration.predicted_errors()[2].max()
-    trust = f"expect errors up to {worst:.1f} mm (95 %) at the image corners"
-    if calibration.warnings:
-        return Text(f"Use with care: {trust}; the warnings say why it may be more.", style="bold yellow")
-    why = f"; the fit's {calibration.fit.rms_mm:.2f} mm is how well rows agree, not how well the image is placed"
-    return Text(f"Sound: {trust}", style="bold green") + Text(why, style="default")
 
 
 def _error_table(calibration: Calibration) -> Table:

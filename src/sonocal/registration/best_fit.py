@@ -1,0 +1,39 @@
+"""The fit of points on lines: what leaves a motion free is refused, and of mirrored answers the better is taken."""
+
+from __future__ import annotations
+
+from sonocal.registration.ambiguity import better_of_mirrored
+from sonocal.registration.degeneracy import (
+    SUSPICIOUS_INFORMATION,
+    refuse_degenerate_lines,
+    refuse_free_motion,
+)
+from sonocal.registration.fit import Fit
+from sonocal.registration.options import Options
+from sonocal.registration.robust import fit_point_lines
+from sonocal.registration.rows import PointLineRows
+
+__all__ = ["best_fit"]
+
+
+def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
+    """The best transform that the rows agree with, and its mirrored answer; None where there is no other.
+
+    Args:
+        rows: points and lines.
+        options: how to fit.
+
+    Raises:
+        DegenerateGeometryError: the rows, or those that agree, leave a motion free.
+        NoConsensusError: no transform agrees with enough rows.
+
+    Source: paper sections 6 to 9.
+    """
+    # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
+    # hide it, are known.
+    refuse_degenerate_lines(rows)
+    fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
+    if fit.least_information < SUSPICIOUS_INFORMATION:
+        refuse_degenerate_lines(rows, fit.inlier)
+    refuse_free_motion(fit.least_information)
+    return fit, mirrored
