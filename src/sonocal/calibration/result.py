@@ -20,8 +20,8 @@ from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.findings import Diagnostic, warnings_first
 from sonocal.geometry import Array, AxisScaled, Similarity, area_places
-from sonocal.registration.fit import Model
 from sonocal.registration.noise import Noise
+from sonocal.registration.options import Model
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
 __all__ = ["Calibration", "calibration_json", "load_calibration", "parse_calibration"]

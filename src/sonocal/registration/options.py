@@ -1,24 +1,42 @@
-"""How to register: every option, checked once."""
+"""How to register: every option, checked once, and handed on whole."""
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from math import isfinite
+from numbers import Real
 from typing import Any, Literal, Self
 
 import numpy as np
 
+from sonocal import _core
 from sonocal.errors import InputError
-from sonocal.registration.fit import Model, Weighting
 
-__all__ = ["Options"]
+__all__ = ["Model", "Options", "Weighting", "positive_number", "whole_number"]
+
+Model = Literal["similarity", "anisotropic"]
+Weighting = Literal["likelihood", "geometric"]
 
 CHOICES = {"model": ("similarity", "anisotropic"), "weighting": ("likelihood", "geometric")}
+MOST_SAMPLES = 2**30
+MOST_COMBINATIONS = 2**20
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to register points and lines; `fit_point_lines` says what each option means.
+    """How to find a transform; `registration.robust.fit_point_lines` says what each option does.
+
+    Attributes:
+        model: one scale, or one along u and one along v (points of a 2D image only).
+        weighting: what the last refinement minimises.
+        threshold_mm: rows within this distance agree, in units of the target; "auto": from the noise; infinite: all.
+        sigma_px: noise of a point along every axis, px, where known; a factor of the rows' own column.
+        sigma_mm: noise of a segment's end point along every axis, mm, where known; likewise.
+        confidence: of having drawn a sample without outliers.
+        max_samples: random samples at the most.
+        exhaustive_samples: up to this many combinations are all tried.
+        seed: of the random samples.
 
     Raises:
         InputError: an option means nothing; the sentence names it and what arrived.
@@ -34,42 +52,76 @@ class Options:
     exhaustive_samples: int = 200
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        for name, choices in CHOICES.items():
-            value = getattr(self, name)
-            if not (isinstance(value, str) and value in choices):
-                raise InputError(f"{name} must be one of {', '.join(choices)}; got {value!r}")
-            object.__setattr__(self, name, str(value))
-        for name in ("threshold_mm", "sigma_px", "sigma_mm", "confidence"):
-            value = getattr(self, name)
-            if value is not None and not (
-                isinstance(value, str) and (name, value) == ("threshold_mm", "auto")
-            ):
-                object.__setattr__(self, name, float(_positive(name, value)))
-        for name in ("max_samples", "exhaustive_samples", "seed"):
-            object.__setattr__(self, name, _whole(name, getattr(self, name)))
-
     @classmethod
     def of(cls, **keywords: Any) -> Self:
-        """The options of some keywords, of which each must be one."""
+        """The options with those names.
+
+        Raises:
+            InputError: there is no option of a name, or its value means nothing.
+        """
         names = [field.name for field in fields(cls)]
         for name in keywords:
             if name not in names:
-                near = difflib.get_close_matches(name, names, 1)
-                also = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(names)}"
-                raise InputError(f"there is no option {name!r}{also}")
+                near = get_close_matches(name, names, 1)
+                hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+                raise InputError(f"there is no option {name!r}; {hint}")
         return cls(**keywords)
 
+    def __post_init__(self) -> None:
+        for name, choices in CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise InputError(f"{name} must be one of {', '.join(choices)}; got {getattr(self, name)!r}")
+        if self.threshold_mm != "auto":
+            self._keep("threshold_mm", positive_number("threshold_mm", self.threshold_mm, or_infinite=True))
+        for name in ("sigma_px", "sigma_mm"):
+            if (value := getattr(self, name)) is not None:
+                self._keep(name, positive_number(name, value))
+        self._keep("confidence", positive_number("confidence", self.confidence))
+        if self.confidence >= 1:
+            raise InputError(f"confidence must be below 1; got {self.confidence}")
+        for name, least, most in (
+            ("max_samples", 1, MOST_SAMPLES),
+            ("exhaustive_samples", 0, MOST_COMBINATIONS),
+            ("seed", 0, 2**64 - 1),
+        ):
+            self._keep(name, whole_number(name, getattr(self, name), least, most))
 
-def _positive(name: str, value: Any) -> Any:
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not (number and np.isfinite(value) and value > 0):
+    def to_core(self, level_px: float, level_mm: float) -> _core.Options:
+        """The options as the core takes them, with noise levels of 0 where they are to be estimated."""
+        return _core.Options(
+            model=self.model,
+            weighting=self.weighting,
+            threshold=0.0 if self.threshold_mm == "auto" else self.threshold_mm,
+            level_px=level_px,
+            level_mm=level_mm,
+            confidence=self.confidence,
+            max_samples=self.max_samples,
+            exhaustive_samples=self.exhaustive_samples,
+            seed=self.seed,
+        )
+
+    def _keep(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+
+def positive_number(name: str, value: Any, *, or_infinite: bool = False) -> float:
+    """A positive finite number as a float, whatever type of number it came as; True is none.
+
+    Raises:
+        InputError: it is no such number.
+    """
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not (number and value > 0 and (or_infinite or isfinite(value))):
         raise InputError(f"{name} must be a positive number; got {value}")
-    return value
+    return float(value)
 
 
-def _whole(name: str, value: Any) -> int:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not (whole and value >= (name == "max_samples")):
-        raise InputError(f"{name} must be a positive number; got {value}")
+def whole_number(name: str, value: Any, least: int, most: int) -> int:
+    """A whole number between two as an int, whatever type of number it came as; True is none.
+
+    Raises:
+        InputError: it is no such number.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise InputError(f"{name} must be a whole number from {least} to {most}; got {value}")
     return int(value)

@@ -83,8 +83,8 @@ def check_flip(
 
     Args:
         evidence: the calibration and its rows.
-        expected_rotation: (3, 3): roughly, the directions of u, v and their normal in the marker's frame, as
-            columns, such as the rotation of an earlier calibration of this probe and marker.
+        expected_rotation: (3, 3): roughly, the directions of u, v and their normal in the marker's frame, as columns,
+            such as the rotation of an earlier calibration of this probe and marker.
         marker_above_image: the marker is fixed to the probe's handle, so it must lie beyond the image's upper
             half (v small), not below.
     """
