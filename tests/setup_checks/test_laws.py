@@ -250,7 +250,9 @@ def test_stopping_early_finds_what_comparing_everything_finds(fault):
         quick = list(check_slip(one))
         assert bool(quick) == (slow_slip(one) is not None), seed
         found += bool(quick)
-    assert found >= 20 if fault == "slip" else found <= 4
+    # A latency leaves an order in time that can pass for a slip: where there is one, no slip is looked for.
+    least, most = {"sound": (0, 2), "slip": (30, 40), "late": (1, 40)}[fault]
+    assert least <= found <= most
 
 
 def test_orders_are_drawn_as_one_after_the_other(monkeypatch):
