@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sonocal.errors import InputError
 from sonocal.registration.fit import Model, Weighting
+from sonocal.registration.options import Options as RegistrationOptions
 
 __all__ = ["MODELS", "WEIGHTINGS", "check_options"]
 
@@ -39,3 +41,13 @@ def check_options(
     for name, value in numbers.items():
         if not (isinstance(value, (int, float)) and np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number; got {value}")
+
+
+@dataclass(frozen=True)
+class Options(RegistrationOptions):
+    """How to calibrate."""
+
+    fit_split: str | None = None
+    test_split: str | None = None
+    image_size_px: tuple[int, ...] | None = None
+    tolerance_mm: float = 2.0

@@ -1,0 +1,56 @@
+"""The fit of points on lines: what leaves a motion free is refused, and of mirrored answers the better is taken."""
+
+from __future__ import annotations
+
+from sonocal.errors import NoConsensusError
+from sonocal.registration.ambiguity import better_of_mirrored
+from sonocal.registration.degeneracy import (
+    SUSPICIOUS_INFORMATION,
+    refuse_degenerate_lines,
+    refuse_free_motion,
+)
+from sonocal.registration.fit import Fit
+from sonocal.registration.options import Options
+from sonocal.registration.robust import fit_point_lines
+from sonocal.registration.rows import PointLineRows
+
+__all__ = ["best_fit"]
+
+
+def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
+    """The best transform that the rows agree with, and its mirrored answer; None where there is no other.
+
+    Args:
+        rows: points and lines.
+        options: how to fit.
+
+    Raises:
+        DegenerateGeometryError: the rows, or those that agree, leave a motion free.
+        NoConsensusError: no transform agrees with enough rows.
+
+    Source: paper sections 6 to 9.
+    """
+    levels = {"sigma_px": options.sigma_px, "sigma_mm": options.sigma_mm}
+    try:
+        fit = fit_point_lines(
+            rows,
+            model=options.model,
+            weighting=options.weighting,
+            threshold_mm=options.threshold_mm,
+            confidence=options.confidence,
+            max_samples=options.max_samples,
+            exhaustive_samples=options.exhaustive_samples,
+            seed=options.seed,
+            **levels,
+        )
+    except NoConsensusError:
+        # Rows that leave a motion free have no answer either: the sentence that helps is the one about them.
+        refuse_degenerate_lines(rows.points, rows.segments_mm, rows.dimension)
+        raise
+    fit, mirrored = better_of_mirrored(rows, fit, **levels)
+    if not fit.least_information > SUSPICIOUS_INFORMATION:
+        refuse_degenerate_lines(rows.points, rows.segments_mm, rows.dimension)
+        # Outliers can hide that those which agree are degenerate.
+        refuse_degenerate_lines(rows.points[fit.inlier], rows.segments_mm[fit.inlier], rows.dimension)
+    refuse_free_motion(fit.least_information)
+    return fit, mirrored
