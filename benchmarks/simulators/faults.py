@@ -14,6 +14,7 @@ from benchmarks.simulators.scans import (
     SCALE,
     scan,
 )
+from sonocal.calibration import evidence_of, point_line_rows
 from sonocal.findings import Diagnostic
 from sonocal.setup_checks import (
     check_flip,
@@ -44,6 +45,12 @@ def sound(seed, dimension=2):
     return one, sc.calibrate(one.observations)
 
 
+def evidence_of_sound(seed, dimension=2):
+    """A scan with nothing wrong, as the checks take it."""
+    one, found = sound(seed, dimension)
+    return evidence_of(found, one.observations)
+
+
 def altered(rows, **columns):
     """The rows with some columns replaced."""
     return dataclasses.replace(rows, **columns)
@@ -64,8 +71,7 @@ def findings_of_sound(seed, dimension):
     """Everything that is found in a sound scan of which everything is known."""
     one, found = sound(seed, dimension)
     findings = check_setup(
-        found,
-        one.observations,
+        evidence_of(found, one.observations),
         scanner_mm_per_px=SCALE,
         expected=rough(one.truth.rotation, seed),
         tracker_from_probe=one.tracker_from_probe,
@@ -75,21 +81,21 @@ def findings_of_sound(seed, dimension):
 
 def other_scale(seed):
     """The scanner says 4 % more or less."""
-    return check_scale(sound(seed)[1], SCALE * (1.04 if seed % 2 else 0.96))
+    return check_scale(evidence_of_sound(seed), SCALE * (1.04 if seed % 2 else 0.96))
 
 
 def flipped(seed, flip):
     """A mirrored or turned 2D image; the orientation is roughly known."""
     one, _ = sound(seed)
     rows = altered(one.observations, points_px=250 + (one.observations.points_px - 250) * flip)
-    return check_flip(sc.calibrate(rows), rows, expected=rough(one.truth.rotation, seed))
+    return check_flip(evidence_of(sc.calibrate(rows), rows), expected=rough(one.truth.rotation, seed))
 
 
 def upside_down(seed):
     """An upside-down 2D image; the marker is known to be on the handle."""
     rows = sound(seed)[0].observations
     rows = altered(rows, points_px=[0, 500] + rows.points_px * np.array([1, -1]))
-    return check_flip(sc.calibrate(rows), rows, marker_above_image=True)
+    return check_flip(evidence_of(sc.calibrate(rows), rows), marker_above_image=True)
 
 
 def mirrored_volume(seed):
@@ -98,7 +104,7 @@ def mirrored_volume(seed):
     mirror = np.ones(3)
     mirror[seed % 3] = -1
     rows = altered(rows, points_px=250 + (rows.points_px - 250) * mirror)
-    return check_flip(sc.calibrate(rows), rows)
+    return check_flip(evidence_of(sc.calibrate(rows), rows))
 
 
 def slipped(seed):
@@ -107,7 +113,7 @@ def slipped(seed):
     turn, shift = rng.normal(size=(2, 3))
     slip = (np.radians(2) * turn / np.linalg.norm(turn), 4 * shift / np.linalg.norm(shift))
     rows = scan(seed, slip=slip, slip_at=rng.uniform(0.35, 0.65)).observations
-    return check_slip(sc.calibrate(rows), rows)
+    return check_slip(evidence_of(sc.calibrate(rows), rows))
 
 
 def other_frame(seed, *, poses_known):
@@ -115,7 +121,7 @@ def other_frame(seed, *, poses_known):
     one, _ = sound(seed)
     poses = one.tracker_from_probe if seed % 2 else np.linalg.inv(one.tracker_from_probe)
     known = {"tracker_from_probe": one.tracker_from_probe} if poses_known else {}
-    return check_tool_frame(carried(one.observations, poses), **known)
+    return check_tool_frame(point_line_rows(carried(one.observations, poses)), **known)
 
 
 def other_end(seed):
@@ -124,13 +130,13 @@ def other_end(seed):
     wrong = rows.segments_mm.copy()
     wrong[:, 1] = 2 * wrong[:, 0] - wrong[:, 1]
     rows = altered(rows, segments_mm=wrong)
-    return check_needle_end(sc.calibrate(rows), rows)
+    return check_needle_end(evidence_of(sc.calibrate(rows), rows))
 
 
 def late(seed, latency_s):
     """Tracker or image come late."""
     rows = scan(seed, latency_s=latency_s).observations
-    return check_setup(sc.calibrate(rows), rows)
+    return check_setup(evidence_of(sc.calibrate(rows), rows))
 
 
 def unequal_pixels(seed):

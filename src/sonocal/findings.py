@@ -1,11 +1,12 @@
-"""What a user should know about a recording before using it."""
+"""What a user should know about a recording or a calibration before using it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Diagnostic"]
+__all__ = ["Diagnostic", "warnings_first"]
 
 
 @dataclass(frozen=True)
@@ -23,3 +24,8 @@ class Diagnostic:
     severity: Literal["warning", "info"]
     message: str
     advice: str
+
+
+def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """The findings in their order, those to read before use before the others."""
+    return tuple(sorted(findings, key=lambda finding: finding.severity != "warning"))

@@ -6,6 +6,7 @@ from benchmarks.simulators.faults import (
     FAULTS,
     altered,
     carried,
+    evidence_of_sound,
     false_alarms,
     is_found,
     late,
@@ -15,6 +16,7 @@ from benchmarks.simulators.faults import (
 from benchmarks.simulators.scans import scan
 
 import sonocal as sc
+from sonocal.calibration import evidence_of, point_line_rows
 from sonocal.setup_checks import (
     check_flip,
     check_latency,
@@ -42,7 +44,9 @@ def test_a_wrong_set_up_is_found(fault):
 
 def test_a_marker_on_the_handle_of_a_sound_scan_is_no_flip():
     one = [sound(seed) for seed in SEEDS]
-    findings = [list(check_flip(found, s.observations, marker_above_image=True)) for s, found in one]
+    findings = [
+        list(check_flip(evidence_of(found, s.observations), marker_above_image=True)) for s, found in one
+    ]
     assert sum(raised(f, "flipped-image") for f in findings) <= FALSE
 
 
@@ -56,21 +60,21 @@ def test_a_latency_says_who_is_late_and_is_no_slip(latency_s, who):
 def test_a_mirrored_2d_image_alone_cannot_be_told_and_nothing_is_claimed():
     one, _ = sound(0)
     mirrored = altered(one.observations, points_px=[500, 0] + one.observations.points_px * np.array([-1, 1]))
-    assert not list(check_flip(sc.calibrate(mirrored), mirrored))
+    assert not list(check_flip(evidence_of(sc.calibrate(mirrored), mirrored)))
 
 
 def test_the_frame_that_the_lines_are_in_is_named():
     one, _ = sound(1)
     wrong = carried(one.observations, one.tracker_from_probe)
-    (finding,) = check_tool_frame(wrong, tracker_from_probe=one.tracker_from_probe)
+    (finding,) = check_tool_frame(point_line_rows(wrong), tracker_from_probe=one.tracker_from_probe)
     assert "when the lines are taken to be in the tracker's frame" in finding.message
 
 
 def test_a_latency_comes_out_in_ms_or_in_frames():
     one = scan(3, latency_s=0.1, outliers=0.0)
     found = sc.calibrate(one.observations)
-    in_ms = next(check_latency(found, one.observations)).message
-    in_frames = next(check_latency(found, altered(one.observations, extra={}))).message
+    in_ms = next(check_latency(evidence_of(found, one.observations))).message
+    in_frames = next(check_latency(evidence_of(found, altered(one.observations, extra={})))).message
     said = [float(message.split("late by ")[1].split()[0]) for message in (in_ms, in_frames)]
     assert said[0] == pytest.approx(100, rel=0.2)
     assert said[1] == pytest.approx(said[0] / 100, rel=1e-2)
@@ -85,7 +89,7 @@ def test_sound_real_data_raise_nothing_and_a_drift_is_no_slip(data_folder):
         ("trus_3nwires", "similarity"),
     ):
         rows = sc.read_observations(data_folder / "observations" / f"{name}.csv").select_split("calibration")
-        assert not check_setup(sc.calibrate(rows, model=model), rows), name
+        assert not check_setup(evidence_of(sc.calibrate(rows, model=model), rows)), name
 
 
 def test_frames_in_any_order_hide_a_slip():
@@ -95,22 +99,22 @@ def test_frames_in_any_order_hide_a_slip():
         one.observations, frame=np.random.default_rng(0).permutation(len(one.observations)), extra={}
     )
     found = sc.calibrate(one.observations)
-    assert raised(check_slip(found, one.observations), "marker-slipped")
-    assert not list(check_slip(found, shuffled))
+    assert raised(check_slip(evidence_of(found, one.observations)), "marker-slipped")
+    assert not list(check_slip(evidence_of(found, shuffled)))
 
 
 def test_few_frames_say_nothing_of_time():
     one, found = sound(0)
     few = one.observations.select(np.arange(12))
-    assert not list(check_slip(found, few))
-    assert not list(check_latency(found, few))
+    assert not list(check_slip(evidence_of(found, few)))
+    assert not list(check_latency(evidence_of(found, few)))
 
 
 def test_nonsense_is_refused():
-    one, found = sound(0)
+    evidence = evidence_of_sound(0)
     with pytest.raises(sc.InputError, match="scanner_mm_per_px must be positive; got -1"):
-        list(check_scale(found, -1))
+        list(check_scale(evidence, -1))
     with pytest.raises(
         sc.InputError, match=r"expected must be the directions of u, v and normal, shape \(3, 3\)"
     ):
-        list(check_flip(found, one.observations, expected=np.eye(4)))
+        list(check_flip(evidence, expected=np.eye(4)))

@@ -7,10 +7,10 @@ import pytest
 
 import sonocal as sc
 from sonocal.calibration import line_distances
+from sonocal.calibration.held_out import independent_units
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import held_out, leave_one_frame_out, leave_one_target_out, repeatability
 from sonocal.validation.held_out import (
-    independent_units,
     refitted,
 )
 from sonocal.validation.repeatability import _balanced_halves

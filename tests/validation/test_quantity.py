@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import sonocal as sc
-from sonocal.validation.quantity import log_interval, rms_quantity, trimmed_mean_quantity
+from sonocal.calibration.statistics import log_interval
+from sonocal.validation.quantity import rms_quantity, trimmed_mean_quantity
 
 
 def rms(errors, groups=None):

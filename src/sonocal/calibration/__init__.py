@@ -1,6 +1,9 @@
 """The main path: from a table of sightings to a calibration that says how far to trust it."""
 
 from sonocal.calibration.calibrate import calibrate
+from sonocal.calibration.evidence import evidence_of
+from sonocal.calibration.fit import FittedRows, fit_rows
+from sonocal.calibration.options import Options
 from sonocal.calibration.result import Calibration, calibration_json, load_calibration, parse_calibration
 from sonocal.calibration.rows import line_distances, point_line_rows
 from sonocal.calibration.statistics import ErrorStatistics
@@ -8,8 +11,12 @@ from sonocal.calibration.statistics import ErrorStatistics
 __all__ = [
     "Calibration",
     "ErrorStatistics",
+    "FittedRows",
+    "Options",
     "calibrate",
     "calibration_json",
+    "evidence_of",
+    "fit_rows",
     "line_distances",
     "load_calibration",
     "parse_calibration",

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array, area_places, segment_directions
+from sonocal.geometry import Array, area_places
 from sonocal.registration.ambiguity import Rival
 from sonocal.registration.degeneracy import (
     NearDegeneracy,
     near_degeneracy,
 )
 from sonocal.registration.fit import Fit
+from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import Noise, estimate_noise
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
-from sonocal.registration.uncertainty import WeakMotion, point_covariance, radius_95, weakest_motion
+from sonocal.registration.uncertainty import (
+    NORMAL_95,
+    SIGNIFICANT,
+    WeakMotion,
+    point_covariance,
+    radius_95,
+    weakest_motion,
+)
 
 __all__ = [
     "Diagnostic",
@@ -31,13 +38,11 @@ __all__ = [
     "diagnose_noise",
     "diagnose_rival",
     "diagnose_weakness",
+    "fit_findings",
 ]
 
-# Two-sided 95 % of a normal distribution, in standard deviations.
-NORMAL_95 = 1.96
 # Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
 LEAST_ANISOTROPY = 0.01
-SIGNIFICANT = 3.0
 MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
@@ -219,9 +224,38 @@ def _axis(vector: Array) -> str:
     return "the image axis (" + ", ".join(f"{x:.1f}" for x in unit) + ") in (u, v, normal)"
 
 
+def fit_findings(
+    mapped: MappedRows,
+    fit: Fit,
+    *,
+    noise: Noise,
+    rival: Rival | None,
+    groupings: Groupings,
+    accepted: tuple[Array, float],
+) -> Iterator[Diagnostic]:
+    """What the fit says of itself.
+
+    Args:
+        mapped: the fitted rows under the transform, outliers included.
+        fit: the transform.
+        noise: of the rows, with the covariance that errors are predicted by.
+        rival: a second answer, or None.
+        groupings: what rows may share an error by.
+        accepted: the image's area (2, d) and the predicted error (95 %) that is accepted at its corners, mm.
+    """
+    yield from diagnose_fit(fit)
+    yield from diagnose_rival(rival)
+    yield from weakness_findings(mapped.table, fit, noise, *accepted)
+    if mapped.table.dimension == 2:
+        yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
+    yield from diagnose_noise(noise, groupings.stretch_frames)
+    yield from anisotropy_findings(mapped.table, fit, groupings)
+
+
 def weakness_findings(
     table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
 ) -> Iterator[Diagnostic]:
+    """The predicted error at the corners against what is accepted."""
     if not np.all(np.isfinite(noise.covariance)):
         return
     corners = area_places(area)[:-1]
@@ -230,23 +264,11 @@ def weakness_findings(
     if worst <= tolerance_mm:
         return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
-    yield from diagnose_weakness(
-        motion,
-        worst,
-        tolerance_mm,
-        near_degeneracy(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension),
-    )
+    near = near_degeneracy(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension)
+    yield from diagnose_weakness(motion, worst, tolerance_mm, near)
 
 
-def image_plane_findings(table: PointLineRows, fit: Fit) -> Iterator[Diagnostic]:
-    if table.dimension == 2:
-        directions = segment_directions(table.segments_mm[fit.inlier])
-        yield from diagnose_image_plane(fit.transform.rotation, directions)
-
-
-def anisotropy_findings(
-    table: PointLineRows, fit: Fit, groupings: dict[str, NDArray[Any]]
-) -> Iterator[Diagnostic]:
+def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) -> Iterator[Diagnostic]:
     """Fits the wider model too, and tests whether its two scales differ."""
     if table.dimension == 3 or fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
         return
@@ -261,9 +283,8 @@ def anisotropy_findings(
     )
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
     if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
-        yield from diagnose_anisotropy(
-            wider.transform.scales, estimate_noise(table, wider, groupings).covariance
-        )
+        covariance = estimate_noise(table, wider, groupings.labels).covariance
+        yield from diagnose_anisotropy(wider.transform.scales, covariance)
 
 
 def _least_covariance(fit: Fit) -> Array:

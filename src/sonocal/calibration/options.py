@@ -1,53 +1,166 @@
-"""How to calibrate: every option, checked once."""
+"""How to calibrate: registration's options, and those of a table, an image and a set-up; each checked once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, Self, TypedDict
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sonocal.errors import InputError
 from sonocal.registration.fit import Model, Weighting
 from sonocal.registration.options import Options as RegistrationOptions
 
-__all__ = ["MODELS", "WEIGHTINGS", "check_options"]
-
-MODELS: tuple[Model, ...] = ("similarity", "anisotropic")
+__all__ = ["Keywords", "Options", "kept_options"]
 
 
-WEIGHTINGS: tuple[Weighting, ...] = ("likelihood", "geometric")
+class Keywords(TypedDict, total=False):
+    """The options as keywords of `calibrate`, which says what each means."""
 
-
-def check_options(
-    *,
-    model: str,
-    weighting: str,
-    threshold_mm: float | str,
-    tolerance_mm: float,
-    max_samples: int,
-    sigma_px: float | None,
-    sigma_mm: float | None,
-) -> None:
-    """Refuse options that mean nothing."""
-    for name, choice, choices in (("model", model, MODELS), ("weighting", weighting, WEIGHTINGS)):
-        if choice not in choices:
-            raise InputError(f"{name} must be one of {', '.join(choices)}; got {choice!r}")
-    numbers: dict[str, Any] = {"tolerance_mm": tolerance_mm, "max_samples": max_samples}
-    numbers |= {"threshold_mm": threshold_mm} if threshold_mm != "auto" else {}
-    numbers |= {
-        name: value for name, value in (("sigma_px", sigma_px), ("sigma_mm", sigma_mm)) if value is not None
-    }
-    for name, value in numbers.items():
-        if not (isinstance(value, (int, float)) and np.isfinite(value) and value > 0):
-            raise InputError(f"{name} must be a positive number; got {value}")
+    model: Model
+    weighting: Weighting
+    threshold_mm: float | Literal["auto"]
+    sigma_px: float | None
+    sigma_mm: float | None
+    confidence: float
+    max_samples: int
+    exhaustive_samples: int
+    seed: int
+    fit_split: str | None
+    test_split: str | None
+    image_size_px: tuple[int, ...] | None
+    tolerance_mm: float
+    scanner_mm_per_px: float | tuple[float, float] | None
+    marker_above_image: bool
+    expected_rotation: ArrayLike | None
 
 
 @dataclass(frozen=True)
 class Options(RegistrationOptions):
-    """How to calibrate."""
+    """How to calibrate; `calibrate` says what each option means.
+
+    Raises:
+        InputError: an option means nothing; the sentence names it and what arrived.
+    """
 
     fit_split: str | None = None
     test_split: str | None = None
     image_size_px: tuple[int, ...] | None = None
     tolerance_mm: float = 2.0
+    scanner_mm_per_px: float | tuple[float, float] | None = None
+    marker_above_image: bool = False
+    expected_rotation: tuple[tuple[float, ...], ...] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._keep("tolerance_mm", positive("tolerance_mm", self.tolerance_mm))
+        for name in ("fit_split", "test_split"):
+            self._keep(name, _text(name, getattr(self, name)))
+        if self.test_split is not None and self.test_split == self.fit_split:
+            raise InputError(
+                f"fit_split and test_split are both {self.fit_split!r}; held-out rows must not be fitted"
+            )
+        if self.image_size_px is not None:
+            self._keep("image_size_px", _size(self.image_size_px))
+        if self.scanner_mm_per_px is not None:
+            self._keep("scanner_mm_per_px", _scanner(self.scanner_mm_per_px))
+        if not isinstance(self.marker_above_image, (bool, np.bool_)):
+            raise InputError(f"marker_above_image must be True or False; got {self.marker_above_image!r}")
+        self._keep("marker_above_image", bool(self.marker_above_image))
+        if self.expected_rotation is not None:
+            self._keep("expected_rotation", _rotation(self.expected_rotation))
+
+    def resolved(self, threshold_mm: float) -> Self:
+        """The same with the threshold in mm that "auto" came to."""
+        return replace(self, threshold_mm=threshold_mm) if self.threshold_mm == "auto" else self
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
+        """The options in a calibration's file, which holds those of its recording, too; defaults for the absent.
+
+        Raises:
+            InputError: a value is none that an option has.
+        """
+        names = {field.name for field in fields(cls)}
+        return cls.of(**{name: value for name, value in record.items() if name in names})
+
+    def record(self) -> dict[str, Any]:
+        """The options as a calibration's file holds them: those that every calibration has had, and what was told."""
+        return {
+            field.name: _plain(getattr(self, field.name))
+            for field in fields(self)
+            if field.name in RECORDED or getattr(self, field.name) != field.default
+        }
+
+    def _keep(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+
+def kept_options(asked: Options, used: Options) -> dict[str, Any]:
+    """The options as a calibration's file keeps them: those used, and what was asked where that was no number."""
+    told = {"threshold_asked": asked.threshold_mm} if asked.threshold_mm != used.threshold_mm else {}
+    return used.record() | told
+
+
+# Of version 1 of the file.
+RECORDED = (
+    *("model", "weighting", "threshold_mm", "sigma_px", "sigma_mm", "fit_split", "test_split"),
+    *("image_size_px", "tolerance_mm", "max_samples", "seed"),
+)
+
+
+def positive(name: str, value: Any) -> float:
+    """A positive finite number as a float."""
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not (number and np.isfinite(value) and value > 0):
+        raise InputError(f"{name} must be a positive number; got {value}")
+    return float(value)
+
+
+def _text(name: str, value: Any) -> str | None:
+    if value is not None and not isinstance(value, str):
+        raise InputError(f"{name} must be the name of a split; got {value!r}")
+    return None if value is None else str(value)
+
+
+def _size(value: Any) -> tuple[int, ...]:
+    try:
+        size = tuple(positive("image_size_px", number) for number in value)
+    except (TypeError, InputError):
+        size = ()
+    if len(size) not in (2, 3) or any(number != int(number) for number in size):
+        raise InputError(f"image_size_px must be two or three positive whole numbers; got {value}")
+    return tuple(int(number) for number in size)
+
+
+def _scanner(value: Any) -> float | tuple[float, float]:
+    try:
+        said = [
+            positive("scanner_mm_per_px", number) for number in np.atleast_1d(np.asarray(value, dtype=object))
+        ]
+    except InputError:
+        said = []
+    if len(said) not in (1, 2):
+        raise InputError(
+            f"scanner_mm_per_px must be positive, one number or one along u and one along v; got {value}"
+        )
+    return said[0] if np.ndim(value) == 0 else (said[0], said[-1])
+
+
+def _rotation(value: Any) -> tuple[tuple[float, ...], ...]:
+    try:
+        directions = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        directions = np.empty(0)
+    if directions.shape != (3, 3) or not np.all(np.isfinite(directions)):
+        raise InputError(
+            "expected_rotation must be the directions of u, v and normal, shape (3, 3), as columns; got "
+            f"shape {directions.shape}"
+        )
+    return tuple(map(tuple, directions.tolist()))
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(part) for part in value] if isinstance(value, tuple) else value

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import datetime
 import platform
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,12 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal.calibration.options import Options
 from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sigma
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
-from sonocal.findings import Diagnostic
+from sonocal.findings import Diagnostic, warnings_first
 from sonocal.geometry import Array, AxisScaled, Similarity, area_places
 from sonocal.registration.fit import Model
 from sonocal.registration.noise import Noise
@@ -41,7 +43,8 @@ class Calibration:
         residuals_mm, inlier: (N,), of the fitted rows in the order given.
         diagnostics: what to know before use, warnings first.
         latency_s: the tracker's lag behind the image, or None when not estimated.
-        provenance: input, options and versions.
+        options: those it was made with; of the threshold, the mm that "auto" came to.
+        provenance: input, options as the file keeps them, and versions.
     """
 
     probe_from_image: AxisScaled
@@ -55,6 +58,7 @@ class Calibration:
     inlier: NDArray[np.bool_]
     diagnostics: tuple[Diagnostic, ...]
     latency_s: float | None = None
+    options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -63,9 +67,23 @@ class Calibration:
         return int(self.area_px.shape[1])
 
     @property
+    def threshold_mm(self) -> float:
+        """Rows within this distance of their lines agree."""
+        threshold = self.options.threshold_mm
+        if threshold == "auto":
+            raise InputError(
+                'a calibration knows the threshold that "auto" came to; give its options a number'
+            )
+        return threshold
+
+    @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         """The findings to read before use."""
         return tuple(d for d in self.diagnostics if d.severity == "warning")
+
+    def with_findings(self, findings: Iterable[Diagnostic]) -> Calibration:
+        """The calibration with further findings, warnings first."""
+        return replace(self, diagnostics=warnings_first([*self.diagnostics, *findings]))
 
     def predict(self, points_px: ArrayLike) -> tuple[Array, Array]:
         """Where points of the image are, and how well that is known.
@@ -143,7 +161,8 @@ def calibration_json(calibration: Calibration) -> bytes:
         inlier=calibration.inlier.tolist(),
         latency_s=calibration.latency_s,
         diagnostics=list(calibration.diagnostics),
-        provenance=calibration.provenance | {"versions": _versions()},
+        provenance=calibration.provenance
+        | {"options": _options_record(calibration), "versions": _versions()},
     )
     return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
 
@@ -191,6 +210,9 @@ def _from_record(record: Record) -> Calibration:
     parameters = 6 + _scale_count(record.model)
     if covariance is not None and covariance.shape != (parameters, parameters):
         raise ValueError(f"covariance has shape {covariance.shape} and not ({parameters}, {parameters})")
+    residuals, inlier = np.array(record.residuals_mm), np.array(record.inlier, dtype=bool)
+    if residuals.shape != inlier.shape:
+        raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")
     return Calibration(
         probe_from_image=_transform(matrix, record),
         model=record.model,
@@ -206,12 +228,28 @@ def _from_record(record: Record) -> Calibration:
         area_px=np.array(record.area_px),
         fit=record.fit,
         test=record.test,
-        residuals_mm=np.array(record.residuals_mm),
-        inlier=np.array(record.inlier, dtype=bool),
+        residuals_mm=residuals,
+        inlier=inlier,
         diagnostics=tuple(record.diagnostics),
         latency_s=record.latency_s,
+        options=_options(record.provenance.get("options", {}), residuals, inlier),
         provenance=record.provenance,
     )
+
+
+def _options(given: dict[str, Any], residuals_mm: Array, inlier: NDArray[np.bool_]) -> Options:
+    """The options that a file gives; where it says "auto", with a threshold that parts the same rows."""
+    options = Options.from_record(given)
+    if options.threshold_mm != "auto":
+        return options
+    agreeing = float(residuals_mm[inlier].max(initial=np.finfo(float).tiny))
+    further = float(residuals_mm[~inlier].min(initial=2.0 * agreeing))
+    return options.resolved(0.5 * (agreeing + further))
+
+
+def _options_record(calibration: Calibration) -> dict[str, Any]:
+    """The options as they are kept, beside those that a recording had."""
+    return {**calibration.provenance.get("options", {}), **calibration.options.record()}
 
 
 def _transform(matrix: np.ndarray[Any, np.dtype[np.float64]], record: Record) -> AxisScaled:

@@ -12,15 +12,13 @@ from sonocal.registration.noise import residual_vectors
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["check_rows", "line_distances", "point_line_rows", "split_rows"]
+__all__ = ["check_rows", "image_area", "line_distances", "point_line_rows", "split_rows"]
 
 
 def split_rows(
     observations: Observations, fit_split: str | None, test_split: str | None
 ) -> tuple[Observations, Observations | None]:
     """The rows to fit and those held out, by their split."""
-    if test_split is not None and test_split == fit_split:
-        raise InputError(f"fit_split and test_split are both {fit_split!r}; held-out rows must not be fitted")
     held_out = None if test_split is None else observations.select_split(test_split)
     if fit_split is not None:
         return observations.select_split(fit_split), held_out
@@ -78,6 +76,18 @@ def _check_sightings(rows: Observations) -> None:
             f"{rows.source}: fewer than two sightings have two points; a 3D probe sees a needle as a line, so give "
             "two or more rows with one frame and target, or leave out w_px for a 2D probe"
         )
+
+
+def image_area(rows: Observations, image_size_px: tuple[int, ...] | None) -> Array:
+    """(2, d), px: the least and the greatest corner of the image, or of the box that holds the points."""
+    if image_size_px is None:
+        return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])
+    if len(image_size_px) != rows.dimension:
+        raise InputError(
+            f"image_size_px must be {rows.dimension} positive numbers for a {rows.dimension}D probe; "
+            f"got {image_size_px}"
+        )
+    return np.array([np.zeros(rows.dimension), np.asarray(image_size_px) - 1.0])
 
 
 def line_distances(probe_from_image: AxisScaled, rows: Observations) -> Array:

@@ -107,7 +107,6 @@ def calibrate(
     output: Path,
     *,
     lines: Path | None,
-    scanner_mm_per_px: float | None,
     report: bool,
     as_json: bool,
     **options: Any,
@@ -130,7 +129,6 @@ def calibrate(
     from sonocal.cli.report import report_files
     from sonocal.cli.screen.calibration import print_calibration
     from sonocal.files import write_into_folder
-    from sonocal.setup_checks.whole import checked
 
     _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
     recorded = {name: options.pop(name) for name in OF_RECORDINGS}
@@ -139,7 +137,7 @@ def calibrate(
         if lines is None
         else from_recording(source, lines, output, recorded, options)
     )
-    found = checked(result.calibration, result.rows, scanner_mm_per_px=scanner_mm_per_px)
+    found = result.calibration
     content = calibration_json(found)
     files = {"calibration.json": content, **result.files}
     if report:

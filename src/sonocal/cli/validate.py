@@ -87,16 +87,16 @@ def validate(
     from sonocal.calibration import load_calibration
     from sonocal.cli.report import report_files
     from sonocal.files import read_bytes, write_into_folder
-    from sonocal.setup_checks.whole import checked
 
     found = load_calibration(calibration)
     other = None if compare is None else load_calibration(compare)
     content = read_bytes(table)
-    numbers, rows = _numbers(found, content, table.name, **options)
+    known = {
+        "scanner_mm_per_px": scanner_mm_per_px,
+        "expected_rotation": None if other is None else other.probe_from_image.rotation,
+    }
+    numbers, rows = _numbers(found, content, table.name, known=known, **options)
     comparison = None if other is None else _compared(found, other)
-    if rows is not None:
-        expected = None if other is None else other.probe_from_image.rotation
-        found = checked(found, rows, scanner_mm_per_px=scanner_mm_per_px, expected=expected)
     files = report_files(found, rows, numbers, comparison) if report else {}
     folder = calibration.parent if output is None else output
     write_into_folder(folder, files)
@@ -113,6 +113,7 @@ def _numbers(
     content: bytes,
     name: str,
     *,
+    known: dict[str, Any],
     crosswire: bool,
     split: str | None,
     nwires: tuple[tuple[str, str, str], ...],
@@ -126,7 +127,7 @@ def _numbers(
         points: PointSightings = parse_point_sightings(content, name)
         return validate_points(calibration, points), None
     rows = parse_observations(content, name)
-    return validate(calibration, rows, split=split, nwires=nwires, seed=seed), rows
+    return validate(calibration, rows, split=split, nwires=nwires, seed=seed, **known), rows
 
 
 def _compared(first: Calibration, second: Calibration) -> Comparison:

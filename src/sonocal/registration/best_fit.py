@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from sonocal.errors import NoConsensusError
 from sonocal.registration.ambiguity import better_of_mirrored
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
@@ -31,26 +30,22 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     Source: paper sections 6 to 9.
     """
     levels = {"sigma_px": options.sigma_px, "sigma_mm": options.sigma_mm}
-    try:
-        fit = fit_point_lines(
-            rows,
-            model=options.model,
-            weighting=options.weighting,
-            threshold_mm=options.threshold_mm,
-            confidence=options.confidence,
-            max_samples=options.max_samples,
-            exhaustive_samples=options.exhaustive_samples,
-            seed=options.seed,
-            **levels,
-        )
-    except NoConsensusError:
-        # Rows that leave a motion free have no answer either: the sentence that helps is the one about them.
-        refuse_degenerate_lines(rows.points, rows.segments_mm, rows.dimension)
-        raise
+    # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
+    # hide it, are known.
+    refuse_degenerate_lines(rows.points, rows.segments_mm, rows.dimension)
+    fit = fit_point_lines(
+        rows,
+        model=options.model,
+        weighting=options.weighting,
+        threshold_mm=options.threshold_mm,
+        confidence=options.confidence,
+        max_samples=options.max_samples,
+        exhaustive_samples=options.exhaustive_samples,
+        seed=options.seed,
+        **levels,
+    )
     fit, mirrored = better_of_mirrored(rows, fit, **levels)
-    if not fit.least_information > SUSPICIOUS_INFORMATION:
-        refuse_degenerate_lines(rows.points, rows.segments_mm, rows.dimension)
-        # Outliers can hide that those which agree are degenerate.
+    if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(rows.points[fit.inlier], rows.segments_mm[fit.inlier], rows.dimension)
     refuse_free_motion(fit.least_information)
     return fit, mirrored

@@ -181,8 +181,9 @@ def _spread(points: Array) -> Array:
 def _nearest_point(directions: Array, on_lines: Array) -> tuple[Array, float]:
     """The point nearest to all lines, which are not all parallel, and its root mean square distance."""
     centre = on_lines.mean(axis=0)
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    feet = np.einsum("nij,nj->ni", across, on_lines - centre)
-    nearest = np.linalg.solve(across.sum(axis=0), feet.sum(axis=0))
-    away = across @ nearest - feet
-    return nearest + centre, float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
+    away = on_lines - centre
+    feet = away - np.einsum("ni,ni->n", away, directions)[:, None] * directions
+    across = len(directions) * np.eye(3) - directions.T @ directions
+    nearest = np.linalg.solve(across, feet.sum(axis=0))
+    left = feet - nearest + (directions @ nearest)[:, None] * directions
+    return nearest + centre, float(np.sqrt(np.einsum("ni,ni->", left, left) / len(left)))

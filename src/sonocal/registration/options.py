@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import operator
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal, Self
 

@@ -9,7 +9,19 @@ from numpy.typing import ArrayLike
 
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 
-__all__ = ["WeakMotion", "point_covariance", "point_jacobian", "radius_95", "weakest_motion"]
+__all__ = [
+    "NORMAL_95",
+    "SIGNIFICANT",
+    "WeakMotion",
+    "point_covariance",
+    "point_jacobian",
+    "radius_95",
+    "weakest_motion",
+]
+
+# Two-sided 95 % of a normal distribution, in standard deviations; and what is no chance, in the same.
+NORMAL_95 = 1.96
+SIGNIFICANT = 3.0
 
 
 def point_jacobian(transform: AxisScaled, points: ArrayLike, parameters: int = 7) -> Array:

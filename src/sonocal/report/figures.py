@@ -105,7 +105,7 @@ def plot_residuals_by_frame(
         held_out: further rows, drawn after them.
     """
     distances = line_distances(calibration.probe_from_image, observations)
-    threshold = float(calibration.provenance.get("options", {}).get("threshold_mm", np.inf))
+    threshold = calibration.threshold_mm
     agree = distances <= threshold
     top = 1.3 * max(float(distances[agree].max(initial=0.0)), 1e-3)
     axis.plot(
@@ -172,7 +172,7 @@ def _image_axes(axis: Axes, calibration: Calibration) -> None:
 
 
 def _agreeing(calibration: Calibration, observations: Observations) -> Observations:
-    threshold = float(calibration.provenance.get("options", {}).get("threshold_mm", np.inf))
+    threshold = calibration.threshold_mm
     agree = line_distances(calibration.probe_from_image, observations) <= threshold
     # Rows of another scan may all be far off; then that is what there is to see.
     return observations.select(agree) if agree.any() else observations

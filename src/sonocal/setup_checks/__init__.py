@@ -9,11 +9,14 @@
 - anisotropic-scale: mm/px differs along u and v. `calibrate` finds it.
 """
 
-from sonocal.setup_checks.over_time import check_latency, check_slip
+from sonocal.setup_checks.evidence import Evidence
+from sonocal.setup_checks.latency import check_latency
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
+from sonocal.setup_checks.slip import check_slip
 from sonocal.setup_checks.whole import check_setup
 
 __all__ = [
+    "Evidence",
     "check_flip",
     "check_latency",
     "check_needle_end",

@@ -6,16 +6,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sonocal.calibration import Calibration, calibrate
-from sonocal.calibration.diagnostics import (
-    NORMAL_95,
-    SIGNIFICANT,
-)
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, UnsupportedError
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array, homogeneous_points, segment_directions
-from sonocal.observations import Observations
+from sonocal.geometry import Array
+from sonocal.registration.best_fit import best_fit
+from sonocal.registration.fit import Fit
+from sonocal.registration.options import Options
+from sonocal.registration.rows import PointLineRows
+from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
+from sonocal.setup_checks.evidence import Evidence
 
 __all__ = ["check_flip", "check_needle_end", "check_scale", "check_tool_frame"]
 
@@ -36,9 +37,7 @@ POOR_SHARE, GOOD_SHARE, GAIN = 0.5, 0.6, 0.25
 FEW_SAMPLES = 1000
 
 
-def check_scale(
-    calibration: Calibration, scanner_mm_per_px: float | tuple[float, float]
-) -> Iterator[Diagnostic]:
+def check_scale(evidence: Evidence, scanner_mm_per_px: float | tuple[float, float]) -> Iterator[Diagnostic]:
     """The calibration's mm/px against what the scanner says, one number or one along u and one along v.
 
     Raises:
@@ -47,8 +46,8 @@ def check_scale(
     said = np.broadcast_to(np.asarray(scanner_mm_per_px, dtype=float), (2,))
     if not np.all(np.isfinite(said) & (said > 0)):
         raise InputError(f"scanner_mm_per_px must be positive; got {scanner_mm_per_px}")
-    found = calibration.probe_from_image.scales[:2]
-    deviation = _scale_deviation(calibration)
+    found = evidence.transform.scales[:2]
+    deviation = _scale_deviation(evidence.covariance)
     off = np.log(found / said)
     worst = int(np.argmax(np.abs(off)))
     if not abs(off[worst]) > max(SIGNIFICANT * deviation[worst], LEAST_SCALE_ERROR):
@@ -68,19 +67,14 @@ def check_scale(
     )
 
 
-def _scale_deviation(calibration: Calibration) -> Array:
-    if calibration.covariance is None:
+def _scale_deviation(covariance: Array | None) -> Array:
+    if covariance is None:
         return np.full(2, np.inf)
-    variances = np.diag(calibration.covariance)[6:]
-    return np.asarray(np.sqrt(np.resize(variances, 2)))
+    return np.asarray(np.sqrt(np.resize(np.diag(covariance)[6:], 2)))
 
 
 def check_flip(
-    calibration: Calibration,
-    observations: Observations,
-    *,
-    expected: Array | None = None,
-    marker_above_image: bool = False,
+    evidence: Evidence, *, expected: ArrayLike | None = None, marker_above_image: bool = False
 ) -> Iterator[Diagnostic]:
     """Is the image the right way round?
 
@@ -88,29 +82,28 @@ def check_flip(
     as well as the right one, because the plane can be turned over: only knowledge from outside tells.
 
     Args:
-        calibration: the calibration.
-        observations: the rows it was fitted to.
+        evidence: the calibration and its rows.
         expected: (3, 3): roughly, the directions of u, v and their normal in the marker's frame, as columns, such
             as the rotation of an earlier calibration of this probe and marker.
         marker_above_image: the marker is fixed to the probe's handle, so it must lie beyond the image's upper
             half (v small), not below.
     """
-    if calibration.dimension == 3:
-        yield from _check_mirrored_volume(calibration, observations)
+    if evidence.table.dimension == 3:
+        yield from _check_mirrored_volume(evidence)
     if expected is not None:
-        yield from _check_orientation(calibration, np.asarray(expected, dtype=float))
+        yield from _check_orientation(evidence, np.asarray(expected, dtype=float))
     elif marker_above_image:
-        yield from _check_marker_side(calibration)
+        yield from _check_marker_side(evidence)
 
 
-def _check_mirrored_volume(calibration: Calibration, observations: Observations) -> Iterator[Diagnostic]:
-    mirrored = replace(observations, points_px=observations.points_px * [1.0, 1.0, -1.0])
-    try:
-        other = calibrate(mirrored, max_samples=FEW_SAMPLES)
-    except (NoConsensusError, DegenerateGeometryError, UnsupportedError):
+def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
+    mirrored = replace(evidence.table, points=evidence.table.points * [1.0, 1.0, -1.0])
+    other = _quick_fit(mirrored, evidence.threshold_mm)
+    if other is None:
         return
-    agree, others = int(calibration.inlier.sum()), int(other.inlier.sum())
-    better = other.fit.rms_mm**2 < MIRRORED_BETTER * calibration.fit.rms_mm**2
+    agree, others = int(evidence.inlier.sum()), int(other.inlier.sum())
+    rms_mm = float(np.sqrt(np.mean(other.residuals_mm[other.inlier] ** 2)))
+    better = rms_mm**2 < MIRRORED_BETTER * evidence.rms_mm**2
     if not (others > (1 + GAIN) * agree or (better and others >= agree)):
         return
     yield Diagnostic(
@@ -118,18 +111,18 @@ def _check_mirrored_volume(calibration: Calibration, observations: Observations)
         severity="warning",
         message=(
             f"the volume fits better when it is mirrored: {others} instead of {agree} rows agree, with "
-            f"{other.fit.rms_mm:.2f} instead of {calibration.fit.rms_mm:.2f} mm rms"
+            f"{rms_mm:.2f} instead of {evidence.rms_mm:.2f} mm rms"
         ),
         advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
     )
 
 
-def _check_orientation(calibration: Calibration, expected: Array) -> Iterator[Diagnostic]:
+def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnostic]:
     if expected.shape != (3, 3):
         raise InputError(
             f"expected must be the directions of u, v and normal, shape (3, 3); got {expected.shape}"
         )
-    turn = expected.T @ calibration.probe_from_image.rotation
+    turn = expected.T @ evidence.transform.rotation
     for what, flip in FLIPS.items():
         cosine = (np.trace(flip.T @ turn) - 1.0) / 2.0
         angle = np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -137,10 +130,10 @@ def _check_orientation(calibration: Calibration, expected: Array) -> Iterator[Di
             yield _flipped(f"against its expected orientation {what} ({np.degrees(angle):.0f} deg off that)")
 
 
-def _check_marker_side(calibration: Calibration) -> Iterator[Diagnostic]:
-    transform = calibration.probe_from_image
+def _check_marker_side(evidence: Evidence) -> Iterator[Diagnostic]:
+    transform = evidence.transform
     marker = -transform.translation @ transform.rotation / transform.scales
-    middle = float(calibration.area_px[:, 1].mean())
+    middle = float(evidence.area_px[:, 1].mean())
     if marker[1] > middle:
         yield _flipped(
             f"the marker, which is on the handle, would lie below the image's middle, at v = {marker[1]:.0f} px"
@@ -159,20 +152,16 @@ def _flipped(how: str) -> Diagnostic:
     )
 
 
-def check_needle_end(calibration: Calibration, observations: Observations) -> Iterator[Diagnostic]:
+def check_needle_end(evidence: Evidence) -> Iterator[Diagnostic]:
     """Was the needle seen on the segment that is said to be it, or beyond one of its ends?
 
     The fit uses the infinite line and does not notice; whatever uses the tip will.
     """
-    rows = observations
-    directions = segment_directions(rows.segments_mm)
-    lengths = np.linalg.norm(rows.segments_mm[:, 1] - rows.segments_mm[:, 0], axis=1)
-    away = calibration.probe_from_image @ homogeneous_points(rows.points_px) - rows.segments_mm[:, 0]
-    along = np.sum(away * directions, axis=1)
-    off = np.linalg.norm(away - along[:, None] * directions, axis=1)
-    agree = off <= float(calibration.provenance.get("options", {}).get("threshold_mm", np.inf))
+    agree = evidence.inlier
     if not agree.any():
         return
+    along, segments = evidence.mapped.along_mm, evidence.table.segments_mm
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     before, beyond = -along[agree], (along - lengths)[agree]
     for name, past in (("first", before), ("second", beyond)):
         share = float(np.mean(past > BEYOND_END_MM))
@@ -192,24 +181,22 @@ def check_needle_end(calibration: Calibration, observations: Observations) -> It
 
 
 def check_tool_frame(
-    observations: Observations, *, tracker_from_probe: Array | None = None, threshold_mm: float = 5.0
+    table: PointLineRows, *, tracker_from_probe: Array | None = None, threshold_mm: float = 5.0
 ) -> Iterator[Diagnostic]:
     """Are the lines in the probe marker's frame?
 
     Args:
-        observations: the rows to fit.
+        table: the rows to fit.
         tracker_from_probe: (N, 4, 4), the probe's pose of each row: tells which frame the lines are in instead.
         threshold_mm: rows further than this from their line do not agree.
     """
-    share = _agreeing_share(observations, threshold_mm)
+    share = _agreeing_share(table, threshold_mm)
     found: dict[str, float] = {}
     if tracker_from_probe is not None:
         inverse = np.linalg.inv(tracker_from_probe)
         for where, pose in (("the tracker's frame", inverse), ("a frame twice removed", tracker_from_probe)):
-            moved = (
-                np.einsum("nij,nkj->nki", pose[:, :3, :3], observations.segments_mm) + pose[:, None, :3, 3]
-            )
-            found[where] = _agreeing_share(replace(observations, segments_mm=moved), threshold_mm)
+            moved = np.einsum("nij,nkj->nki", pose[:, :3, :3], table.segments_mm) + pose[:, None, :3, 3]
+            found[where] = _agreeing_share(replace(table, segments_mm=moved), threshold_mm)
     best = max(found, key=lambda name: found[name]) if found else ""
     if found and found[best] > max(GOOD_SHARE, share + GAIN):
         yield _wrong_frame(
@@ -226,14 +213,21 @@ def check_tool_frame(
         )
 
 
-def _agreeing_share(rows: Observations, threshold_mm: float) -> float:
-    try:
-        found = calibrate(rows, threshold_mm=threshold_mm, max_samples=FEW_SAMPLES)
-    except (NoConsensusError, DegenerateGeometryError, UnsupportedError):
+def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
+    found = _quick_fit(table, threshold_mm)
+    if found is None:
         return 0.0
     # An image shrunk to nothing agrees with all lines that pass near one point.
-    lengths = float(np.ptp(found.probe_from_image @ homogeneous_points(rows.points_px), axis=0).max())
+    lengths = float(np.ptp(found.transform.apply(table.points), axis=0).max())
     return 0.0 if lengths < 2.0 * threshold_mm else float(found.inlier.mean())
+
+
+def _quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
+    """The fit of rows that may make no sense, from fewer samples; None where there is none."""
+    try:
+        return best_fit(table, Options(threshold_mm=threshold_mm, max_samples=FEW_SAMPLES))[0]
+    except (NoConsensusError, DegenerateGeometryError):
+        return None
 
 
 def _wrong_frame(message: str, advice: str) -> Diagnostic:

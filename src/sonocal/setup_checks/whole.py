@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+import numpy as np
+from numpy.typing import ArrayLike
 
-from sonocal.calibration import Calibration
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.observations import Observations
-from sonocal.setup_checks.over_time import check_latency, check_slip
+from sonocal.setup_checks.evidence import Evidence
+from sonocal.setup_checks.latency import latency_findings, latency_of
+from sonocal.setup_checks.motion import motion_of
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
+from sonocal.setup_checks.slip import slip_findings
 
-__all__ = ["check_setup", "checked"]
+__all__ = ["check_setup"]
 
 
 def check_setup(
-    calibration: Calibration,
-    observations: Observations,
+    evidence: Evidence,
     *,
     scanner_mm_per_px: float | tuple[float, float] | None = None,
-    expected: Array | None = None,
+    expected: ArrayLike | None = None,
     marker_above_image: bool = False,
     tracker_from_probe: Array | None = None,
     seed: int = 0,
@@ -27,8 +28,7 @@ def check_setup(
     """Look for what is often wrong with a set-up.
 
     Args:
-        calibration: the calibration.
-        observations: the rows it was fitted to, outliers included.
+        evidence: the calibration and the rows it was fitted to, outliers included.
         scanner_mm_per_px: what the scanner says, one number or one along u and one along v.
         expected: (3, 3): roughly, the directions of u, v and their normal in the marker's frame.
         marker_above_image: the marker is fixed to the handle, beyond the upper half of the image.
@@ -39,35 +39,23 @@ def check_setup(
         The findings; anisotropy is among those of the calibration itself.
     """
     findings = [
-        *check_flip(calibration, observations, expected=expected, marker_above_image=marker_above_image),
-        *check_needle_end(calibration, observations),
-        *check_latency(calibration, observations),
+        *check_flip(evidence, expected=expected, marker_above_image=marker_above_image),
+        *check_needle_end(evidence),
+        *_over_time(evidence, seed),
     ]
-    # A latency leaves an order in time that a slip can be mistaken for, and not the other way round.
-    if not any(finding.code == "latency" for finding in findings):
-        findings += check_slip(calibration, observations, seed=seed)
     if scanner_mm_per_px is not None:
-        findings += check_scale(calibration, scanner_mm_per_px)
-    options = calibration.provenance.get("options", {})
-    if tracker_from_probe is not None or calibration.fit.inliers < 0.5 * calibration.fit.observations:
+        findings += check_scale(evidence, scanner_mm_per_px)
+    if tracker_from_probe is not None or np.count_nonzero(evidence.inlier) < 0.5 * len(evidence.inlier):
         findings += check_tool_frame(
-            observations,
-            tracker_from_probe=tracker_from_probe,
-            threshold_mm=float(options.get("threshold_mm", 5.0)),
+            evidence.table, tracker_from_probe=tracker_from_probe, threshold_mm=evidence.threshold_mm
         )
     return tuple(findings)
 
 
-def checked(calibration: Calibration, rows: Observations, **known: Any) -> Calibration:
-    """The calibration with what the set-up checks found among its findings, warnings first."""
-    from dataclasses import replace
-
-    from sonocal.setup_checks.whole import check_setup
-    from sonocal.validation.whole import fitted_rows
-
-    fitted = fitted_rows(calibration, rows)
-    known = {name: value for name, value in known.items() if value is not None}
-    findings = check_setup(calibration, rows if fitted is None else fitted, **known)
-    kept = [d for d in calibration.diagnostics if d.code not in {f.code for f in findings}]
-    merged = sorted([*kept, *findings], key=lambda finding: finding.severity != "warning")
-    return replace(calibration, diagnostics=tuple(merged))
+def _over_time(evidence: Evidence, seed: int) -> list[Diagnostic]:
+    motion = motion_of(evidence)
+    if motion is None:
+        return []
+    latency = latency_of(motion)
+    # A latency leaves an order in time that a slip can be mistaken for, and not the other way round.
+    return [*latency_findings(motion, latency)] or [*slip_findings(motion, latency, seed)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -109,7 +109,8 @@ def calibrate_chosen(
     used = table.agreeing(chosen)
     if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
-    calibration = calibrate(table.at(chosen), **of_calibrate(options, threshold_mm=_resolved(table, chosen)))
+    last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen))
+    calibration = calibrate(table.at(chosen), **last)
     reasons = {
         "no candidate or no pose": total - table.count,
         "no candidate near the needle": table.count - used,
@@ -179,10 +180,10 @@ def _looked_again(
     return table, _settled(table, transform)[1]
 
 
-def _resolved(table: Candidates, chosen: Mask) -> float:
-    """The threshold for the chosen rows: of "auto" that which their noise gives, below what tells candidates apart."""
-    if table.options.threshold_mm == "auto":
-        return min(table.within_mm, table.fit(chosen, "auto").threshold_mm)
+def _last_threshold(table: Candidates, chosen: Mask) -> float | Literal["auto"]:
+    """The threshold for the chosen rows: "auto", as long as it stays below what tells candidates apart."""
+    if table.options.threshold_mm == "auto" and table.fit(chosen, "auto").threshold_mm <= table.within_mm:
+        return "auto"
     return table.within_mm
 
 

@@ -103,8 +103,6 @@ class Options(PointsOptions):
 def of_calibrate(options: CalibrationOptions, **changes: Any) -> dict[str, Any]:
     """The keywords of `sonocal.calibrate` that options hold, some of them changed."""
     own = {one.name: getattr(options, one.name) for one in fields(CalibrationOptions)}
-    own.pop("confidence")
-    own.pop("exhaustive_samples")
     return own | changes
 
 

@@ -106,9 +106,8 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
 
 
 def _fitted_to(calibration: Calibration) -> tuple[object, ...]:
-    options = calibration.provenance.get("options", {})
-    names = ("fit_split", "test_split")
-    return (calibration.provenance.get("sha256"), *(options.get(name) for name in names), calibration.fit)
+    options = calibration.options
+    return (calibration.provenance.get("sha256"), options.fit_split, options.test_split, calibration.fit)
 
 
 def _wald(first: Calibration, second: Calibration, places: Array, difference: Array) -> tuple[float, int]:

@@ -6,17 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration, line_distances, point_line_rows
+from sonocal.calibration.held_out import independent_units
 from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import FREE_INFORMATION, refuse_degenerate_lines
-from sonocal.registration.noise import residual_vectors, stretch_length
 from sonocal.registration.refine import refine_point_lines
 from sonocal.validation.quantity import Quantity, rms_quantity
 
 __all__ = [
     "held_out",
-    "independent_units",
     "leave_one_frame_out",
     "leave_one_target_out",
     "refitted",
@@ -89,14 +88,6 @@ def leave_one_target_out(calibration: Calibration, fitted: Observations) -> Quan
         target[rows],
         unit="targets",
     )
-
-
-def independent_units(probe_from_image: AxisScaled, rows: Observations) -> NDArray[np.int64]:
-    """The unit (N,) of each row: its frame, or a stretch of frames where neighbours repeat one another."""
-    frame = group_codes(rows.split, rows.frame)
-    points = homogeneous_points(rows.points_px)
-    length = stretch_length(residual_vectors(probe_from_image, points, rows.segments_mm), frame)
-    return group_codes(rows.split, frame // length)
 
 
 def refitted(calibration: Calibration, rows: Observations, keep: NDArray[np.bool_]) -> AxisScaled:

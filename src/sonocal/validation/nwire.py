@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal.calibration.held_out import independent_units
 from sonocal.errors import InputError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
-from sonocal.validation.held_out import independent_units
 from sonocal.validation.quantity import Quantity, trimmed_mean_quantity
 
 __all__ = ["nwire_error", "nwire_errors"]

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
+from sonocal.calibration.held_out import independent_units
+from sonocal.calibration.statistics import log_interval
 from sonocal.errors import UnsupportedError
 from sonocal.geometry import Array, area_places
 from sonocal.observations import Observations
-from sonocal.validation.held_out import independent_units, refitted
-from sonocal.validation.quantity import Quantity, log_interval
+from sonocal.validation.held_out import refitted
+from sonocal.validation.quantity import Quantity
 
 __all__ = ["Repeatability", "repeatability"]
 

@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from sonocal.calibration import Calibration, line_distances
+from sonocal.calibration import Calibration, evidence_of, line_distances
+from sonocal.calibration.held_out import held_out_findings
 from sonocal.errors import InputError, SonocalError
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
+from sonocal.setup_checks import check_setup
 from sonocal.validation.crosswire import fixed_point_spread, reconstruction_accuracy
 from sonocal.validation.held_out import (
     held_out,
@@ -63,12 +65,15 @@ def validate(
     split: str | None = None,
     nwires: Sequence[tuple[str, str, str]] = (),
     resample: bool = True,
+    scanner_mm_per_px: float | None = None,
+    expected_rotation: ArrayLike | None = None,
     seed: int = 0,
 ) -> Validation:
     """All numbers that a table of sightings gives.
 
     Rows that were fitted (the calibration's own input) give leave-one-out errors and repeatability; rows that
-    were not give the held-out error, and PLUS's where the wires form Ns.
+    were not give the held-out error, and PLUS's where the wires form Ns. What these rows say against the
+    calibration, and what is known now of the set-up and was not when it was made, is among the findings.
 
     Args:
         calibration: the calibration.
@@ -76,6 +81,9 @@ def validate(
         split: take only this split as held-out rows.
         nwires: the targets (left, middle, right) of each N of an N-wire phantom.
         resample: leave-one-out errors and repeatability too, which take hundreds of fits.
+        scanner_mm_per_px: what the scanner says.
+        expected_rotation: (3, 3): roughly, the directions of u, v and normal in the marker's frame, as columns,
+            such as the rotation of another calibration of this probe and marker.
         seed: of the resampling.
 
     Raises:
@@ -101,8 +109,23 @@ def validate(
         if len(np.unique(fitted.target)) > 1:
             attempts.run("leave-one-target-out error", lambda: leave_one_target_out(calibration, fitted))
         spread = attempts.repeatability(calibration, fitted, seed)
+    findings = [
+        *attempts.failures,
+        *held_out_findings(calibration, unseen),
+        *check_setup(
+            evidence_of(calibration, given_rows(calibration, observations)),
+            scanner_mm_per_px=scanner_mm_per_px,
+            expected=expected_rotation,
+            seed=calibration.options.seed,
+        ),
+    ]
     return Validation(
-        tuple(attempts.quantities), tuple(attempts.failures), spread, observations.source, observations.sha256
+        tuple(attempts.quantities),
+        # What the calibration has found already is no news.
+        tuple(finding for finding in findings if finding not in calibration.diagnostics),
+        spread,
+        observations.source,
+        observations.sha256,
     )
 
 
@@ -134,13 +157,12 @@ def fitted_and_held_out(
 
     A table is the calibration's own input when it has the digest that the calibration recorded.
     """
-    test_split = split or calibration.provenance.get("options", {}).get("test_split")
+    test_split = split or calibration.options.test_split
     mask = _fitted_mask(calibration, observations)
     if mask is None:
         return None, observations if split is None else observations.select_split(split)
     fitted = observations.select(mask)
-    threshold = calibration.provenance.get("options", {}).get("threshold_mm", np.inf)
-    fitted = fitted.select(line_distances(calibration.probe_from_image, fitted) <= threshold)
+    fitted = fitted.select(line_distances(calibration.probe_from_image, fitted) <= calibration.threshold_mm)
     if test_split is None:
         return fitted, None
     unseen = observations.select((observations.split == test_split) & ~mask)
@@ -157,11 +179,17 @@ def fitted_rows(calibration: Calibration, observations: Observations) -> Observa
     return None if mask is None else observations.select(mask)
 
 
+def given_rows(calibration: Calibration, observations: Observations) -> Observations:
+    """The rows that the set-up shows in: those that were given to the fit, or another table's."""
+    fitted = fitted_rows(calibration, observations)
+    return observations if fitted is None else fitted
+
+
 def _fitted_mask(calibration: Calibration, observations: Observations) -> NDArray[np.bool_] | None:
-    recorded, options = calibration.provenance, calibration.provenance.get("options", {})
+    recorded, options = calibration.provenance, calibration.options
     if (recorded.get("sha256"), recorded.get("input")) != (observations.sha256, observations.source):
         return None
-    fit_split, test_split = options.get("fit_split"), options.get("test_split")
+    fit_split, test_split = options.fit_split, options.test_split
     mask = np.ones(len(observations), dtype=bool)
     if fit_split is not None:
         mask = np.asarray(observations.split == fit_split)

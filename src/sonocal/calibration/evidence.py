@@ -1,0 +1,47 @@
+"""Set-up checks of a calibration: what they look at, and what the options say of the set-up."""
+
+from __future__ import annotations
+
+from sonocal.calibration.options import Options
+from sonocal.calibration.result import Calibration
+from sonocal.calibration.rows import point_line_rows
+from sonocal.findings import Diagnostic
+from sonocal.observations import Observations
+from sonocal.registration.mapped import MappedRows
+from sonocal.setup_checks import Evidence, check_setup
+
+__all__ = ["evidence_of", "set_up_findings"]
+
+
+def evidence_of(
+    calibration: Calibration, observations: Observations, mapped: MappedRows | None = None
+) -> Evidence:
+    """What the set-up checks look at.
+
+    Args:
+        calibration: the calibration.
+        observations: the rows it was fitted to, outliers included, or those of another scan.
+        mapped: the same under the calibration, where they were mapped before.
+    """
+    if mapped is None:
+        mapped = MappedRows(calibration.probe_from_image, point_line_rows(observations))
+    return Evidence(
+        observations=observations,
+        mapped=mapped,
+        model=calibration.model,
+        covariance=calibration.covariance,
+        area_px=calibration.area_px,
+        threshold_mm=calibration.threshold_mm,
+        rms_mm=calibration.fit.rms_mm,
+    )
+
+
+def set_up_findings(evidence: Evidence, options: Options) -> tuple[Diagnostic, ...]:
+    """What the checks find, with what the options say of the set-up."""
+    return check_setup(
+        evidence,
+        scanner_mm_per_px=options.scanner_mm_per_px,
+        expected=options.expected_rotation,
+        marker_above_image=options.marker_above_image,
+        seed=options.seed,
+    )

@@ -1,0 +1,51 @@
+"""Rows under a transform: where their points come to lie, seen from their lines; each computed once, when asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sonocal.geometry import Array, AxisScaled, segment_directions
+from sonocal.registration.rows import PointLineRows
+
+__all__ = ["MappedRows"]
+
+
+@dataclass(frozen=True, eq=False)
+class MappedRows:
+    """Points (N) mapped by a transform, against their lines.
+
+    Attributes:
+        transform: mm from px.
+        table: the rows.
+    """
+
+    transform: AxisScaled
+    table: PointLineRows
+
+    @cached_property
+    def directions(self) -> Array:
+        """(N, 3): of the lines."""
+        return segment_directions(self.table.segments_mm)
+
+    @cached_property
+    def from_first(self) -> Array:
+        """(N, 3), mm: from each segment's first end to the mapped point."""
+        return np.asarray(self.transform.apply(self.table.points) - self.table.segments_mm[:, 0])
+
+    @cached_property
+    def along_mm(self) -> Array:
+        """(N,): the mapped point's place on its line, from the segment's first end."""
+        return np.asarray(np.einsum("ni,ni->n", self.from_first, self.directions))
+
+    @cached_property
+    def residuals(self) -> Array:
+        """(N, 3), mm: from each line to its mapped point, at right angles to the line."""
+        return np.asarray(self.from_first - self.along_mm[:, None] * self.directions)
+
+    @cached_property
+    def distances(self) -> Array:
+        """(N,), mm: of each mapped point to its line."""
+        return np.asarray(np.sqrt(np.einsum("ni,ni->n", self.residuals, self.residuals)))

@@ -1,0 +1,60 @@
+"""What the checks look at: a fit and its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.geometry import Array, AxisScaled
+from sonocal.observations import Observations
+from sonocal.registration.fit import Model
+from sonocal.registration.mapped import MappedRows
+from sonocal.registration.rows import PointLineRows
+
+__all__ = ["Evidence"]
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A transform and the rows it was fitted to, outliers included.
+
+    Attributes:
+        observations: the rows as the user has them: splits, targets, times.
+        mapped: the same as registration takes them, under the transform.
+        model: one scale, or one along u and one along v.
+        covariance: (k, k), of the transform's tangent, or None where it is unknown.
+        area_px: (2, d): the least and the greatest corner of the image.
+        threshold_mm: rows within this distance agree.
+        rms_mm: of the distances of the rows that agree.
+    """
+
+    observations: Observations
+    mapped: MappedRows
+    model: Model
+    covariance: Array | None
+    area_px: Array
+    threshold_mm: float
+    rms_mm: float
+
+    @property
+    def transform(self) -> AxisScaled:
+        """From px to mm."""
+        return self.mapped.transform
+
+    @property
+    def table(self) -> PointLineRows:
+        """The rows as registration takes them."""
+        return self.mapped.table
+
+    @property
+    def parameters(self) -> int:
+        """7, or 8 for one scale along u and one along v."""
+        return 7 + (self.model == "anisotropic")
+
+    @cached_property
+    def inlier(self) -> NDArray[np.bool_]:
+        """(N,): whether the row agrees."""
+        return np.asarray(self.mapped.distances <= self.threshold_mm)

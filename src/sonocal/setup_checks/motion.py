@@ -1,0 +1,148 @@
+"""The rows that the checks over time look at, and the moments that both are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.geometry import Array
+from sonocal.observations import Observations, group_codes
+from sonocal.registration.uncertainty import point_jacobian
+from sonocal.setup_checks.evidence import Evidence
+
+__all__ = ["FEWEST_FRAMES", "Motion", "motion_of", "ridged"]
+
+FEWEST_FRAMES = 16
+# A slip throws half of the rows out of the fit: they are looked at up to this many times its threshold.
+GENEROUS = 4.0
+# Of matrices with a unit diagonal: what keeps those that leave a motion free from having no inverse.
+RIDGE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Rows (N) that take part, in the order given, with what the transform's k motions and time do to them.
+
+    Attributes:
+        rows: which of the observations they are.
+        frame: (N,), counted from 0 in the order of time.
+        number: (N,): the frame's number in the table.
+        residuals: (N, 3), mm, across the line.
+        displaced: (N, 3, k): what the motions do to the mapped point, mm a unit.
+        jacobian: (N, 3, k): its part across the line.
+        velocity: (N, 3), mm a unit of time: of the needle's point that was seen, across the line; 0 where unknown.
+        usable: (N,): whether it is known.
+        unit: of time: "s", or "frames".
+    """
+
+    rows: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    number: NDArray[np.int64]
+    residuals: Array
+    displaced: Array
+    jacobian: Array
+    velocity: Array
+    usable: NDArray[np.bool_]
+    unit: str
+
+    @property
+    def frames(self) -> int:
+        """How many frames there are."""
+        return int(self.frame.max()) + 1
+
+    @property
+    def parameters(self) -> int:
+        """How many motions the transform has, k."""
+        return int(self.jacobian.shape[2])
+
+    @cached_property
+    def moments(self) -> Array:
+        """(N, k + 2, k + 2): of each row, products of jacobian, velocity and residual."""
+        columns = np.concatenate(
+            [self.jacobian, self.velocity[:, :, None], self.residuals[:, :, None]], axis=2
+        )
+        return np.asarray(columns.swapaxes(1, 2) @ columns)
+
+    def summed(self, moments: Array, groups: NDArray[np.int64]) -> Array:
+        """Moments (N, ...) of the rows' groups (N,), which are counted from 0 and all there, summed."""
+        if len(groups) == groups[-1] + 1 and np.all(groups[1:] > groups[:-1]):
+            return moments
+        order = np.argsort(groups, kind="stable")
+        first = np.searchsorted(groups[order], np.arange(int(groups.max()) + 1))
+        return np.asarray(np.add.reduceat(moments[order], first, axis=0))
+
+
+def motion_of(evidence: Evidence) -> Motion | None:
+    """The rows that take part in checks over time; None where their frames are too few."""
+    rows = np.flatnonzero(evidence.mapped.distances <= GENEROUS * evidence.threshold_mm)
+    table = evidence.table
+    assert table.frame is not None
+    frame = table.frame[rows].astype(np.int64)
+    if len(rows) < len(table):
+        frame = group_codes(frame)
+    if not len(rows) or frame.max() + 1 < FEWEST_FRAMES:
+        return None
+    displaced = point_jacobian(evidence.transform, table.points[rows], evidence.parameters)
+    directions = evidence.mapped.directions[rows]
+    jacobian = displaced - directions[:, :, None] * (directions[:, None, :] @ displaced)
+    time, unit = _time(evidence.observations, rows)
+    velocity, usable = _velocities(evidence, rows, time)
+    return Motion(
+        rows=rows,
+        frame=frame,
+        number=evidence.observations.frame[rows],
+        residuals=evidence.mapped.residuals[rows],
+        displaced=displaced,
+        jacobian=jacobian,
+        velocity=velocity,
+        usable=usable,
+        unit=unit,
+    )
+
+
+def ridged(matrices: Array) -> Array:
+    """Information matrices (..., k, k) with a unit diagonal, made to have an inverse."""
+    return np.asarray(matrices + RIDGE * np.eye(matrices.shape[-1]))
+
+
+def _time(observations: Observations, rows: NDArray[np.int64]) -> tuple[Array, str]:
+    """(N,): the column ``time_s`` where there is one, else the frame's number."""
+    if "time_s" in observations.extra:
+        try:
+            time = observations.extra["time_s"][rows].astype(float)
+        except ValueError:
+            time = np.full(len(rows), np.nan)
+        if np.all(np.isfinite(time)):
+            return time, "s"
+    return observations.frame[rows].astype(float), "frames"
+
+
+def _velocities(evidence: Evidence, rows: NDArray[np.int64], time: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Velocity (N, 3) across the line of the needle's point that was seen, from the sightings before and after."""
+    segments, directions = evidence.table.segments_mm[rows], evidence.mapped.directions[rows]
+    track = _tracks(evidence)[rows]
+    order = np.lexsort((time, track))
+    ahead = (track[order[1:]] != track[order[:-1]]) | (time[order[1:]] > time[order[:-1]])
+    order = order[np.concatenate([[True], ahead])]  # of sightings at one time the first
+    inside = track[order[:-2]] == track[order[2:]]
+    before, here, after = (part[inside] for part in (order[:-2], order[1:-1], order[2:]))
+    change = (segments[after] - segments[before]) / (time[after] - time[before])[:, None, None]
+    length = np.linalg.norm(segments[here, 1] - segments[here, 0], axis=1)
+    share = evidence.mapped.along_mm[rows[here]] / length
+    moved = change[:, 0] + share[:, None] * (change[:, 1] - change[:, 0])
+    along = np.einsum("ni,ni->n", moved, directions[here])
+    velocity, usable = np.zeros((len(rows), 3)), np.zeros(len(rows), dtype=bool)
+    velocity[here], usable[here] = moved - along[:, None] * directions[here], True
+    return velocity, usable
+
+
+def _tracks(evidence: Evidence) -> NDArray[np.int64]:
+    """(N,): which needle of which split each row is a sighting of."""
+    split, target = evidence.observations.split, evidence.table.target
+    assert target is not None
+    if np.all(split == split[0]):
+        return target.astype(np.int64)
+    return group_codes(split, evidence.observations.target)
