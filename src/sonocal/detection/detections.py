@@ -52,15 +52,22 @@ class Detections:
         frame = np.asarray(self.frame)
         if frame.size and frame.dtype.kind not in "iu":
             raise InputError(f"{self.source}: frame must be whole numbers; got {frame.dtype}")
-        count = len(frame) if frame.ndim == 1 else -1
-        rank = order_within(frame) if self.rank is None else self.rank
-        target = np.full(max(count, 0), "") if self.target is None else self.target
-        images = len(np.unique(frame)) if self.images is None else self.images
-        values = {"frame": frame.astype(np.int64), "points_px": np.asarray(self.points_px, dtype=float)}
-        values |= {"rank": np.asarray(rank, dtype=np.int64), "target": np.asarray(target, dtype=np.str_)}
-        for name, value in {**values, "images": images}.items():
-            object.__setattr__(self, name, value)
-        self._check_shapes(count)
+        self._set("frame", frame.astype(np.int64))
+        self._set("points_px", np.asarray(self.points_px, dtype=float))
+        for name in ("covariance_px2", "score"):
+            if (column := getattr(self, name)) is not None:
+                self._set(name, np.asarray(column, dtype=float))
+        if frame.ndim != 1 or self.points_px.ndim != 3 or self.points_px.shape[0] != len(frame):
+            raise InputError(
+                f"{self.source}: needs frames (N,) and points_px (N, points, axes); "
+                f"got {frame.shape} and {self.points_px.shape}"
+            )
+        self._set("rank", order_within(frame) if self.rank is None else np.asarray(self.rank, dtype=np.int64))
+        self._set(
+            "target", np.full(len(frame), "") if self.target is None else np.asarray(self.target, np.str_)
+        )
+        self._set("images", len(np.unique(frame)) if self.images is None else self.images)
+        self._check_shapes()
         self._check_values()
 
     @classmethod
@@ -115,10 +122,8 @@ class Detections:
     @property
     def sigma_px(self) -> Array | None:
         """(N, P): standard deviation of a coordinate, the mean over the directions that a detection fixes."""
-        if self.covariance_px2 is None:
-            return None
-        fixed = self.dimension - (self.points_each - 1)
-        return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=2, axis2=3) / fixed))
+        variance = self._variance_px2()
+        return None if variance is None else np.sqrt(variance)
 
     def select(self, rows: ArrayLike) -> Detections:
         """Some of the detections, by a mask or indices; each keeps its rank."""
@@ -126,16 +131,21 @@ class Detections:
         index = index if index.size else index.astype(np.int64)
         for name in ("frame", "points_px", "covariance_px2", "score", "rank", "target"):
             if (column := getattr(self, name)) is not None:
-                object.__setattr__(part, name, column[index])
+                part._set(name, column[index])
         return part
 
-    def _check_shapes(self, count: int) -> None:
-        points = self.points_px
-        if count < 0 or points.ndim != 3 or points.shape[:1] != (count,):
-            raise InputError(
-                f"{self.source}: needs frames (N,) and points_px (N, points, axes); "
-                f"got {self.frame.shape} and {points.shape}"
-            )
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _variance_px2(self) -> Array | None:
+        """(N, P)."""
+        if self.covariance_px2 is None:
+            return None
+        fixed = self.dimension - (self.points_each - 1)
+        return np.asarray(np.trace(self.covariance_px2, axis1=2, axis2=3) / fixed)
+
+    def _check_shapes(self) -> None:
+        count, points = len(self), self.points_px
         if points.shape[1:] not in ((1, 2), (1, 3), (2, 3)):
             raise InputError(
                 f"{self.source}: a detection is one point of an image or a volume, or a line's two ends in a volume; "
@@ -156,8 +166,8 @@ class Detections:
                     f"{self.source}, row {row}, column {name}: {arrived} is not a finite number; "
                     "leave out rows that were not seen"
                 )
-        sigma = self.sigma_px
-        if sigma is not None and (row := _first(~(np.isfinite(sigma) & (sigma > 0)))) is not None:
+        variance = self._variance_px2()
+        if variance is not None and (row := _first(~(np.isfinite(variance) & (variance > 0)))) is not None:
             raise InputError(
                 f"{self.source}, row {row}: its covariance is not positive; give variances, or none at all"
             )

@@ -119,7 +119,7 @@ def tabulate(
             to the probe, or nothing is left.
     """
     row, line = _trials(lines, detections)
-    _check_frames(recording, detections)
+    _check_places(recording, detections)
     segments = (posing or Posing()).segments_mm(recording, lines)[detections.frame[row], line]
     posed = np.asarray(np.isfinite(segments).all(axis=(1, 2)))
     seen = (
@@ -181,7 +181,13 @@ def _moved(probe_from_tool: Array, segment_mm: Array) -> Array:
     return np.asarray(segment_mm @ np.swapaxes(rotation, 1, 2) + place)
 
 
-def _check_frames(recording: Recording, detections: Detections) -> None:
+def _check_places(recording: Recording, detections: Detections) -> None:
+    """Refuse detections of other images than the recording's."""
+    if recording.image is not None and detections.dimension != recording.image.dimension:
+        raise InputError(
+            f"{detections.source}: holds points of {detections.dimension} coordinates where {recording.name} has "
+            f"{recording.image.dimension}D images; give places in the images of this recording"
+        )
     outside = np.flatnonzero((detections.frame < 0) | (detections.frame >= len(recording)))
     if len(outside):
         raise InputError(
