@@ -54,7 +54,7 @@ def scan_of(dimension=2, count=40, seed=0, *, decoys=0, hidden=0.0, sigma_px=0.5
     ]
     size = (IMAGE_PX,) * dimension
     recording = Recording(
-        times=np.arange(count) / 10,
+        times=np.arange(count) / 8,
         poses={one.name: one for one in poses},
         frames=ClosedFrames(count, size),
         image=ImageGeometry(size, 1, "uint8", "MF", np.eye(4)),
