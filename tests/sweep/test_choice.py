@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import sonocal as sc
-from sonocal.detection import DetectionOptions, detect
-from sonocal.files.png import png
+from sonocal.detection import detect
 from sonocal.geometry import homogeneous_points, predicted_points, similarity_errors
 from sonocal.recording import (
     ArrayFrames,
@@ -21,11 +20,7 @@ from sonocal.simulation.scene import simulate_observations
 from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
-from sonocal.sweep import calibrate_candidates, calibrate_recording, tabulate
-from sonocal.sweep.contact_sheet import (
-    CHOSEN,
-    contact_sheet,
-)
+from sonocal.sweep import calibrate_candidates, calibrate_recording
 from sonocal.targets import read_lines
 
 
@@ -178,32 +173,6 @@ def test_black_images_are_refused_in_one_sentence(sweep):
     )
     with pytest.raises(sc.NoConsensusError, match="no candidate was found in 20 images"):
         calibrate_recording(black, sweep.lines)
-
-
-def test_the_contact_sheet_is_a_png_that_shows_every_candidate(sweep):
-    part = sweep.recording.select(np.arange(3))
-    found = detect(part, DetectionOptions(count=2))
-    sheet = contact_sheet(part, found)
-    coloured = (sheet[..., 0] != sheet[..., 2]).any(axis=0)
-    assert coloured.any()
-    data = png(sheet)
-    assert data.startswith(b"\x89PNG\r\n\x1a\n")
-    assert int.from_bytes(data[16:20], "big") == sheet.shape[1]
-
-
-def test_the_contact_sheet_of_volumes_shows_their_lines_from_two_sides():
-    sweep = simulate_sweep(curvilinear_3d(48, 2.4), options=SweepOptions(frames=2, rate_hz=4, hidden_share=0))
-    found = detect(sweep.recording, DetectionOptions(count=1))
-    assert found.frame.tolist() == [0, 1]
-    plain = contact_sheet(sweep.recording, found.select([]))
-    sheet = contact_sheet(sweep.recording, found)
-    assert sheet.shape == plain.shape == (160, 4 * 320, 3)
-    changed = (sheet != plain).any(axis=(0, 2))
-    assert all(changed[k * 160 : (k + 1) * 160].any() for k in range(4))
-    assert not changed[4 * 160 :].any()
-    rows = tabulate(sweep.recording, sweep.lines, found).observations
-    green = contact_sheet(sweep.recording, found, rows)
-    assert (green == CHOSEN).all(axis=2).any()
 
 
 def test_the_best_line_of_a_volume_lies_on_the_needle():

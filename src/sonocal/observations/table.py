@@ -205,11 +205,17 @@ class Observations:
 
 
 def stacked(tables: Sequence[Observations]) -> Observations:
-    """Tables one after the other, their rows in the order of frames; all have the same columns, and share no row."""
+    """Tables one after the other, their rows in the order of frames; none has a row of another.
+
+    A column that some of them lack is left out.
+    """
     order = np.argsort(np.concatenate([table.frame for table in tables]), kind="stable")
-    names = [name for name in COLUMNS if name != "lines" and getattr(tables[0], name) is not None]
-    columns = {name: np.concatenate([getattr(table, name) for table in tables])[order] for name in names}
-    return tables[0].with_sound(**columns, extra={}, lines=None, sha256="")
+    columns: dict[str, Any] = {}
+    for name in COLUMNS:
+        parts = [getattr(table, name) for table in tables]
+        whole = name != "lines" and all(part is not None for part in parts)
+        columns[name] = np.concatenate(parts)[order] if whole else None
+    return tables[0].with_sound(**columns, extra={}, sha256="")
 
 
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
