@@ -14,6 +14,7 @@ import sys
 import tempfile
 import timeit
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from sonocal.calibration import point_line_rows
 from sonocal.errors import NoConsensusError
 from sonocal.geometry import Similarity
 from sonocal.registration.fit import away_from_lines
+from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
@@ -38,28 +40,9 @@ def scene_of(dimension: int, rows: int, share: float, seed: int) -> SimulatedSig
 
 
 def core_call(rows: PointLineRows, weighting: str) -> Callable[[], object]:
-    def call() -> object:
-        return _core.estimate(
-            rows.points,
-            rows.segments_mm,
-            rows.codes(),
-            rows.frame,
-            rows.target,
-            None,
-            None,
-            dimension=rows.dimension,
-            model="similarity",
-            weighting=weighting,
-            threshold_mm=5.0,
-            level_px=0.0,
-            level_mm=0.0,
-            confidence=0.9999,
-            max_samples=10_000,
-            exhaustive_samples=200,
-            seed=0,
-        )
-
-    return call
+    """The core alone, its look at the table included."""
+    options = Options.of(weighting=weighting).to_core(0.0, 0.0)
+    return lambda: _core.estimate(replace(rows).core, options)
 
 
 def constraints_of(scene: SimulatedSightings) -> reg.Rows:
@@ -161,9 +144,11 @@ def rate_table(runs: int, threshold_mm: float = 5.0) -> str:
         for seed in range(runs):
             scene = scene_of(dimension, rows, share, seed)
             table, truth = point_line_rows(scene.observations), scene.probe_from_image
-            best = refine_point_lines(truth, table, ~scene.outlier, weighting="geometric").transform
+            best = refine_point_lines(truth, table, ~scene.outlier, Options(weighting="geometric")).transform
             try:
-                found = fit_point_lines(table, weighting="geometric", threshold_mm=threshold_mm).transform
+                found = fit_point_lines(
+                    table, Options(weighting="geometric", threshold_mm=threshold_mm)
+                ).transform
             except NoConsensusError:
                 continue
             assert isinstance(found, Similarity)
@@ -203,13 +188,13 @@ from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 folder = sys.argv[1]
 rows = PointLineRows(np.load(folder + "/points.npy"), np.load(folder + "/segments.npy"), 2)
-fit_point_lines(PointLineRows(rows.points[:100], rows.segments_mm[:100], 2))
+fit_point_lines(PointLineRows(rows.points[:100], rows.segments_mm[:100], 2), Options())
 def peak():  # ru_maxrss would be the parent's
     return 1024 * int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
 before, seconds = peak(), []
 for _ in range(3):
     start = time.perf_counter()
-    fit_point_lines(rows)
+    fit_point_lines(rows, Options())
     seconds.append(time.perf_counter() - start)
 print(min(seconds), (peak() - before) / (rows.points.nbytes + rows.segments_mm.nbytes))
 """

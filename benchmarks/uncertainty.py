@@ -17,8 +17,9 @@ import sonocal as sc
 from sonocal import _core
 from sonocal.calibration import point_line_rows
 from sonocal.geometry import Similarity, area_places
+from sonocal.registration.options import Options
 from sonocal.registration.robust import fit_point_lines
-from sonocal.registration.rows import PointLineRows, transform_arrays
+from sonocal.registration.rows import PointLineRows, to_core
 from sonocal.registration.uncertainty import point_covariance
 from sonocal.simulation.scene import IMAGE_PX, SimulatedSightings, simulate_observations
 
@@ -42,20 +43,9 @@ def fisher_information(
     rows: PointLineRows, truth: Similarity, sigma_px: float, sigma_mm: float
 ) -> np.ndarray:
     """Of the tangent at the truth, (7, 7)."""
-    jacobian = _core.white_residuals(
-        rows.points,
-        rows.segments_mm,
-        rows.codes(),
-        None,
-        None,
-        np.ones(len(rows), dtype=bool),
-        *transform_arrays(truth),
-        dimension=rows.dimension,
-        model="similarity",
-        weighting="likelihood",
-        level_px=sigma_px,
-        level_mm=sigma_mm,
-    )[0]
+    everything = np.ones(len(rows), dtype=bool)
+    options = Options().to_core(sigma_px, sigma_mm)
+    jacobian = _core.white_residuals(rows.core, everything, to_core(truth), options).jacobian
     return np.asarray(jacobian.T @ jacobian)
 
 
@@ -70,7 +60,7 @@ def cramer_rao(dimension: int, needles: int, noise: tuple[float, float], scenes:
         scene = simulate_observations(dimension, needles, sigma_px=noise[0], sigma_mm=noise[1], seed=seed)
         rows = point_line_rows(scene.observations)
         levels = {"sigma_px": noise[0], "sigma_mm": noise[1]} if known else {}
-        fit = fit_point_lines(rows, threshold_mm=THRESHOLD_MM, **levels)
+        fit = fit_point_lines(rows, Options(threshold_mm=THRESHOLD_MM, **levels))
         error = tangent_error(fit.transform, scene.probe_from_image)
         values.append(error @ fisher_information(rows, scene.probe_from_image, *noise) @ error / PARAMETERS)
     ratio = np.sqrt(np.mean(values))
@@ -105,7 +95,7 @@ def rotation_table(scenes: int) -> str:
             scene = simulate_observations(3, needles, seed=seed)
             rows = point_line_rows(scene.observations)
             for weighting, kept in squares.items():
-                fit = fit_point_lines(rows, weighting=weighting, threshold_mm=THRESHOLD_MM)  # type: ignore[arg-type]
+                fit = fit_point_lines(rows, Options.of(weighting=weighting, threshold_mm=THRESHOLD_MM))
                 kept.append(float(np.sum(tangent_error(fit.transform, scene.probe_from_image)[:3] ** 2)))
         paper, ours = (np.degrees(np.sqrt(np.mean(kept))) for kept in squares.values())
         out.append(f"| {needles} | {paper:.3f} deg | {ours:.3f} deg | {ours / paper:.2f} |")

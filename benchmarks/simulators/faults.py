@@ -73,7 +73,7 @@ def findings_of_sound(seed, dimension):
     findings = check_setup(
         evidence_of(found, one.observations),
         scanner_mm_per_px=SCALE,
-        expected=rough(one.truth.rotation, seed),
+        expected_rotation=rough(one.truth.rotation, seed),
         tracker_from_probe=one.tracker_from_probe,
     )
     return (*findings, *found.diagnostics)
@@ -88,7 +88,9 @@ def flipped(seed, flip):
     """A mirrored or turned 2D image; the orientation is roughly known."""
     one, _ = sound(seed)
     rows = altered(one.observations, points_px=250 + (one.observations.points_px - 250) * flip)
-    return check_flip(evidence_of(sc.calibrate(rows), rows), expected=rough(one.truth.rotation, seed))
+    return check_flip(
+        evidence_of(sc.calibrate(rows), rows), expected_rotation=rough(one.truth.rotation, seed)
+    )
 
 
 def upside_down(seed):

@@ -1,104 +1,125 @@
-// The whole estimate in one call, refinement alone, and whitened residuals.
-#include "sonocal/estimate.hpp"
+// The whole estimate in one call, refinement alone, whitened residuals, correspondences of any kind: a table
+// and options in, one kind of result out.
+#include "sonocal/estimate/estimate.hpp"
 
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
 
 #include <optional>
 #include <string>
-#include <tuple>
 
-#include "bind/arrays.hpp"
-#include "sonocal/correspondences.hpp"
-#include "sonocal/white_residuals.hpp"
+#include "bind/checks.hpp"
+#include "bind/table.hpp"
+#include "sonocal/estimate/white_residuals.hpp"
 
 using namespace nb::literals;
 using namespace sonocal;
 
 namespace {
 
-using Points = In<double, nb::shape<-1, 3>>;
-using Segments = In<double, nb::shape<-1, 2, 3>>;
-using Codes = std::optional<In<std::int32_t, nb::ndim<1>>>;
-using Factors = std::optional<In<double, nb::ndim<1>>>;
 using Chosen = In<bool, nb::ndim<1>>;
 
-template <class Array>
-auto data_of(const std::optional<Array>& array, std::size_t rows) -> decltype(array->data()) {
-  if (!array) return nullptr;
-  if (array->shape(0) != rows) throw nb::value_error("the arrays differ in their number of rows");
-  return array->data();
-}
-
-Table table_of(const Points& points, const Segments& segments, const Codes& sightings, const Codes& frames,
-               const Codes& targets, const Factors& noise_px, const Factors& noise_mm, int dimension) {
-  const std::size_t n = points.shape(0);
-  if (segments.shape(0) != n) throw nb::value_error("the arrays differ in their number of rows");
-  return {points.data(),
-          segments.data(),
-          data_of(sightings, n),
-          {data_of(frames, n), data_of(targets, n)},
-          {data_of(noise_px, n), data_of(noise_mm, n)},
-          static_cast<int>(n),
-          dimension};
-}
+// More random samples than an hour could draw, and more combinations than could be gone through.
+constexpr int kMostSamples = 1 << 30, kMostCombinations = 1 << 20;
+constexpr double kRotationTolerance = 1e-6;
 
 Model model_named(const std::string& name) {
   if (name == "similarity") return Model::kSimilarity;
   if (name == "anisotropic") return Model::kAnisotropic;
-  throw nb::value_error(("no such model: " + name).c_str());
+  refuse("no such model: " + name);
 }
 
 Weighting weighting_named(const std::string& name) {
   if (name == "geometric") return Weighting::kGeometric;
   if (name == "likelihood") return Weighting::kLikelihood;
-  throw nb::value_error(("no such weighting: " + name).c_str());
+  refuse("no such weighting: " + name);
 }
 
-struct PyEstimate {
-  bool found, converged;
-  int inliers, samples;
-  double threshold_mm, level_px, level_mm, least_information;
-  Out<double> rotation, translation, scales, residuals_mm, covariance;
-};
-
-PyEstimate to_python(const Estimate& e) {
-  const PointLines::Column residuals = e.squares.sqrt();
-  return {e.found,
-          e.converged,
-          e.inliers,
-          e.samples,
-          e.threshold_mm,
-          e.levels.px,
-          e.levels.mm,
-          e.least_information,
-          to_numpy(e.transform.rotation),
-          to_numpy(e.transform.translation),
-          to_numpy(e.transform.scales),
-          to_numpy(residuals.matrix()),
-          to_numpy(e.covariance)};
+Options options_of(const std::string& model, const std::string& weighting, double threshold, double level_px,
+                   double level_mm, double confidence, int max_samples, int exhaustive_samples,
+                   std::uint64_t seed) {
+  require(threshold >= 0, "threshold is not a number from 0 on");
+  require(usable(level_px) && level_px >= 0 && usable(level_mm) && level_mm >= 0,
+          "a noise level is not a number from 0 on");
+  require(confidence > 0 && confidence < 1, "confidence is not between 0 and 1");
+  require(max_samples > 0 && max_samples <= kMostSamples, "max_samples is not between 1 and 2^30");
+  require(exhaustive_samples >= 0 && exhaustive_samples <= kMostCombinations,
+          "exhaustive_samples is not between 0 and 2^20");
+  return {model_named(model),
+          weighting_named(weighting),
+          threshold,
+          {level_px, level_mm},
+          {confidence, max_samples, exhaustive_samples, seed}};
 }
 
 using Rotation = In<double, nb::shape<3, 3>>;
 using Vector = In<double, nb::shape<3>>;
 
 Transform transform_of(const Rotation& rotation, const Vector& translation, const Vector& scales) {
+  check_finite(rotation.data(), 9, "rotation");
+  check_finite(translation.data(), 3, "translation");
+  check_finite(scales.data(), 3, "scales");
   using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  return {Eigen::Map<const RowMajor3>(rotation.data()), Eigen::Map<const Vector3d>(translation.data()),
-          Eigen::Map<const Vector3d>(scales.data())};
+  const Transform a{Eigen::Map<const RowMajor3>(rotation.data()),
+                    Eigen::Map<const Vector3d>(translation.data()),
+                    Eigen::Map<const Vector3d>(scales.data())};
+  const Matrix3d off = a.rotation * a.rotation.transpose() - Matrix3d::Identity();
+  require(off.cwiseAbs().maxCoeff() <= kRotationTolerance, "rotation is not orthonormal");
+  require(a.scales.minCoeff() > 0, "scales are not positive");
+  return a;
 }
 
-PyEstimate py_estimate(Points points, Segments segments, Codes sightings, Codes frames, Codes targets,
-                       Factors noise_px, Factors noise_mm, int dimension, const std::string& model,
-                       const std::string& weighting, double threshold_mm, double level_px, double level_mm,
-                       double confidence, int max_samples, int exhaustive_samples, std::uint64_t seed) {
-  const Table table = table_of(points, segments, sightings, frames, targets, noise_px, noise_mm, dimension);
-  const Options options{model_named(model),
-                        weighting_named(weighting),
-                        threshold_mm,
-                        {level_px, level_mm},
-                        {confidence, max_samples, exhaustive_samples, seed}};
+// What any of the calls below finds; asking for what a call does not make is an AttributeError.
+struct PyEstimate {
+  using Array = std::optional<Out<double>>;
+  bool found = false, converged = false;
+  int inliers = 0, samples = 0;
+  double threshold = 0, level_px = 0, level_mm = 0, least_information = 0;
+  Out<double> rotation, translation, scales;
+  Array residuals_mm, covariance;
+  Array jacobian, shift, by_level, white;
+  std::optional<Out<std::int32_t>> row;
+};
+
+template <auto kMember>
+auto made(const PyEstimate& e) {
+  if (!(e.*kMember)) throw nb::attribute_error("this call makes no such array");
+  return *(e.*kMember);
+}
+
+void put(const Transform& transform, PyEstimate& result) {
+  result.rotation = to_numpy(transform.rotation);
+  result.translation = to_numpy(transform.translation);
+  result.scales = to_numpy(transform.scales);
+}
+
+PyEstimate to_python(const Estimate& e) {
+  PyEstimate result{e.found,        e.converged, e.inliers,   e.samples,
+                    e.threshold_mm, e.levels.px, e.levels.mm, e.least_information};
+  put(e.transform, result);
+  result.residuals_mm = to_numpy(PointLines::Column(e.squares.sqrt()).matrix());
+  result.covariance = to_numpy(e.covariance);
+  return result;
+}
+
+// The rows to take part: as many marks as rows, and one of them at least.
+const bool* checked(const Chosen& chosen, const Table& table) {
+  if (chosen.shape(0) != static_cast<std::size_t>(table.rows))
+    refuse("chosen has " + std::to_string(chosen.shape(0)) + " entries for " + std::to_string(table.rows) +
+           " rows");
+  require(std::find(chosen.data(), chosen.data() + table.rows, true) != chosen.data() + table.rows,
+          "no row is chosen");
+  return chosen.data();
+}
+
+void check_model(const Table& table, const Options& options) {
+  require(table.dimension == 2 || options.model == Model::kSimilarity,
+          "the anisotropic model is of 2D images");
+}
+
+PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
+  const Table table = bound.lines();
+  check_model(table, options);
   Estimate result;
   {
     nb::gil_scoped_release unlocked;
@@ -107,88 +128,104 @@ PyEstimate py_estimate(Points points, Segments segments, Codes sightings, Codes 
   return to_python(result);
 }
 
-PyEstimate py_refine(Points points, Segments segments, Codes sightings, Factors noise_px, Factors noise_mm,
-                     Chosen chosen, Rotation rotation, Vector translation, Vector scales, int dimension,
-                     const std::string& model, const std::string& weighting, double level_px,
-                     double level_mm) {
-  const Table table = table_of(points, segments, sightings, {}, {}, noise_px, noise_mm, dimension);
-  const Options options{model_named(model), weighting_named(weighting), 0, {level_px, level_mm}, {}};
+PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transform& start,
+                     const Options& options) {
+  const Table table = bound.lines();
+  check_model(table, options);
+  const bool* rows = checked(chosen, table);
   Estimate result;
   {
     nb::gil_scoped_release unlocked;
-    result = refine_chosen(table, chosen.data(), transform_of(rotation, translation, scales), options);
+    result = refine_chosen(table, rows, start, options);
   }
   return to_python(result);
 }
 
-// Transform, squared distance of each correspondence, their number that agree, samples, found, converged.
-auto py_estimate_correspondences(Points points, In<double, nb::shape<-1, 4>> planes,
-                                 In<std::int32_t, nb::ndim<1>> first, double threshold_mm, bool refine,
-                                 double confidence, int max_samples, std::uint64_t seed) {
-  const std::size_t count = first.shape(0) - 1;
-  if (first.shape(0) < 2 || points.shape(0) != planes.shape(0) ||
-      static_cast<std::size_t>(first.data()[count]) != points.shape(0))
-    throw nb::value_error("the arrays differ in their number of rows");
-  const Correspondences all{points.data(), planes.data(), first.data(), static_cast<int>(count)};
-  CorrespondenceEstimate e;
-  {
-    nb::gil_scoped_release unlocked;
-    e = estimate(all, {threshold_mm, refine, {confidence, max_samples, 0, seed}});
-  }
-  const std::size_t size = e.squares.size();
-  return std::make_tuple(to_numpy(e.transform.rotation), to_numpy(e.transform.translation),
-                         e.transform.scales[0], make_array(std::move(e.squares), {size}), e.inliers,
-                         e.samples, e.found, e.converged);
-}
-
-auto py_white_residuals(Points points, Segments segments, Codes sightings, Factors noise_px, Factors noise_mm,
-                        Chosen chosen, Rotation rotation, Vector translation, Vector scales, int dimension,
-                        const std::string& model, const std::string& weighting, double level_px,
-                        double level_mm) {
-  const Table table = table_of(points, segments, sightings, {}, {}, noise_px, noise_mm, dimension);
-  const Options options{model_named(model), weighting_named(weighting), 0, {level_px, level_mm}, {}};
+PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, const Transform& at,
+                              const Options& options) {
+  const Table table = bound.lines();
+  check_model(table, options);
+  const bool* rows = checked(chosen, table);
   WhiteResiduals white;
   {
     nb::gil_scoped_release unlocked;
-    white = white_residuals(table, chosen.data(), transform_of(rotation, translation, scales), options);
+    white = white_residuals(table, rows, at, options);
   }
+  PyEstimate result{true, true};
+  result.inliers = static_cast<int>(white.residual.size() / 2);
+  result.level_px = options.levels.px;
+  result.level_mm = options.levels.mm;
+  put(at, result);
+  result.jacobian = to_numpy(white.jacobian);
+  result.shift = to_numpy(white.shift);
+  result.by_level = to_numpy(white.by_level);
+  result.white = to_numpy(white.residual);
   const std::size_t count = white.row.size();
-  return std::make_tuple(to_numpy(white.jacobian), to_numpy(white.shift), to_numpy(white.by_level),
-                         to_numpy(white.residual), make_array(std::move(white.row), {count}));
+  result.row = make_array(std::move(white.row), {count});
+  return result;
+}
+
+PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& options, bool refine) {
+  const Correspondences all = bound.planes();
+  CorrespondenceEstimate e;
+  {
+    nb::gil_scoped_release unlocked;
+    ConsensusOptions consensus = options.consensus;
+    consensus.exhaustive_samples = 0;
+    e = estimate(all, {options.threshold_mm, refine, consensus});
+  }
+  PyEstimate result{e.found, e.converged, e.inliers, e.samples, options.threshold_mm};
+  put(e.transform, result);
+  const Eigen::Map<const Eigen::VectorXd> squares(e.squares.data(),
+                                                  static_cast<Eigen::Index>(e.squares.size()));
+  result.residuals_mm = to_numpy(squares.cwiseSqrt());
+  return result;
 }
 
 }  // namespace
 
 void bind_estimate(nb::module_& m) {
   const auto owned = nb::rv_policy::automatic;
+  nb::class_<Options>(m, "Options")
+      .def(
+          "__init__",
+          [](Options* self, const std::string& model, const std::string& weighting, double threshold,
+             double level_px, double level_mm, double confidence, int max_samples, int exhaustive_samples,
+             std::uint64_t seed) {
+            new (self) Options(options_of(model, weighting, threshold, level_px, level_mm, confidence,
+                                          max_samples, exhaustive_samples, seed));
+          },
+          nb::kw_only(), "model"_a, "weighting"_a, "threshold"_a, "level_px"_a, "level_mm"_a, "confidence"_a,
+          "max_samples"_a, "exhaustive_samples"_a, "seed"_a);
+  nb::class_<Transform>(m, "Transform")
+      .def(
+          "__init__",
+          [](Transform* self, const Rotation& rotation, const Vector& translation, const Vector& scales) {
+            new (self) Transform(transform_of(rotation, translation, scales));
+          },
+          "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert());
   nb::class_<PyEstimate>(m, "Estimate")
       .def_ro("found", &PyEstimate::found)
       .def_ro("converged", &PyEstimate::converged)
       .def_ro("inliers", &PyEstimate::inliers)
       .def_ro("samples", &PyEstimate::samples)
-      .def_ro("threshold_mm", &PyEstimate::threshold_mm)
+      .def_ro("threshold", &PyEstimate::threshold)
       .def_ro("level_px", &PyEstimate::level_px)
       .def_ro("level_mm", &PyEstimate::level_mm)
       .def_ro("least_information", &PyEstimate::least_information)
       .def_ro("rotation", &PyEstimate::rotation, owned)
       .def_ro("translation", &PyEstimate::translation, owned)
       .def_ro("scales", &PyEstimate::scales, owned)
-      .def_ro("residuals_mm", &PyEstimate::residuals_mm, owned)
-      .def_ro("covariance", &PyEstimate::covariance, owned);
-  m.def("estimate", &py_estimate, "points"_a.noconvert(), "segments"_a.noconvert(),
-        "sightings"_a.noconvert().none(), "frames"_a.noconvert().none(), "targets"_a.noconvert().none(),
-        "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(), nb::kw_only(), "dimension"_a,
-        "model"_a, "weighting"_a, "threshold_mm"_a, "level_px"_a, "level_mm"_a, "confidence"_a,
-        "max_samples"_a, "exhaustive_samples"_a, "seed"_a);
-  m.def("refine", &py_refine, "points"_a.noconvert(), "segments"_a.noconvert(),
-        "sightings"_a.noconvert().none(), "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(),
-        "chosen"_a.noconvert(), "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert(),
-        nb::kw_only(), "dimension"_a, "model"_a, "weighting"_a, "level_px"_a, "level_mm"_a);
-  m.def("estimate_correspondences", &py_estimate_correspondences, "points"_a.noconvert(),
-        "planes"_a.noconvert(), "first"_a.noconvert(), nb::kw_only(), "threshold_mm"_a, "refine"_a,
-        "confidence"_a, "max_samples"_a, "seed"_a);
-  m.def("white_residuals", &py_white_residuals, "points"_a.noconvert(), "segments"_a.noconvert(),
-        "sightings"_a.noconvert().none(), "noise_px"_a.noconvert().none(), "noise_mm"_a.noconvert().none(),
-        "chosen"_a.noconvert(), "rotation"_a.noconvert(), "translation"_a.noconvert(), "scales"_a.noconvert(),
-        nb::kw_only(), "dimension"_a, "model"_a, "weighting"_a, "level_px"_a, "level_mm"_a);
+      .def_prop_ro("residuals_mm", &made<&PyEstimate::residuals_mm>, owned)
+      .def_prop_ro("covariance", &made<&PyEstimate::covariance>, owned)
+      .def_prop_ro("jacobian", &made<&PyEstimate::jacobian>, owned)
+      .def_prop_ro("shift", &made<&PyEstimate::shift>, owned)
+      .def_prop_ro("by_level", &made<&PyEstimate::by_level>, owned)
+      .def_prop_ro("white", &made<&PyEstimate::white>, owned)
+      .def_prop_ro("row", &made<&PyEstimate::row>, owned);
+  m.def("estimate", &py_estimate, "table"_a, "options"_a);
+  m.def("refine", &py_refine, "table"_a, "chosen"_a.noconvert(), "start"_a, "options"_a);
+  m.def("white_residuals", &py_white_residuals, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a);
+  m.def("estimate_correspondences", &py_estimate_correspondences, "table"_a, "options"_a, nb::kw_only(),
+        "refine"_a = true);
 }

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "bind/arrays.hpp"
+#include "bind/checks.hpp"
 #include "sonocal/solvers/four_points.hpp"
 #include "sonocal/solvers/gauss_newton.hpp"
 #include "sonocal/solvers/linear.hpp"
@@ -19,12 +20,18 @@ using namespace sonocal;
 namespace {
 
 using Array = In<double>;
+constexpr int kMostSteps = 1000;
 // Matrices, and counts: a number where one problem was given, an array cost a microsecond.
 using Solved = std::tuple<Out<double>, nb::object>;
 
 // What every solver takes: steps 0 solves seven equations exactly, more of them refine on all; scale > 0
 // is known; threads share the batch.
 struct Options {
+  Options(int steps_, double scale_, int threads_) : steps(steps_), scale(scale_), threads(threads_) {
+    require(steps >= 0 && steps <= kMostSteps, "steps is not between 0 and 1000");
+    require(usable(scale) && scale >= 0, "scale is not a number from 0 on");
+    check_threads(threads);
+  }
   int steps;
   double scale;
   int threads;
@@ -105,7 +112,7 @@ void rows_of_lines(const double* image, const double* needles, PointOnPlane* row
 }
 
 Solved four_points_arrays(Array points, Array segments, int steps, double scale, int threads) {
-  const Options o{steps, scale, threads};
+  const Options o(steps, scale, threads);
   const Leading leading(points, {4, 2});
   leading.must_equal(Leading(segments, {4, 2, 3}));
   const double *x = points.data(), *l = segments.data();
@@ -119,7 +126,7 @@ Solved four_points_arrays(Array points, Array segments, int steps, double scale,
 }
 
 Solved two_lines_arrays(Array image, Array needles, int steps, double scale, int threads) {
-  const Options o{steps, scale, threads};
+  const Options o(steps, scale, threads);
   const Leading leading(image, {2, 2, 3});
   leading.must_equal(Leading(needles, {2, 2, 3}));
   const double *x = image.data(), *l = needles.data();
@@ -133,7 +140,7 @@ Solved two_lines_arrays(Array image, Array needles, int steps, double scale, int
 }
 
 Solved three_quadrics_arrays(Array points, Array planes, int steps, double scale, int threads) {
-  const Options o{steps, scale, threads};
+  const Options o(steps, scale, threads);
   const Leading leading(points, {0, 3});
   leading.must_equal(Leading(planes, {0, 4}));
   const auto rows = static_cast<int>(points.shape(leading.axes));
@@ -150,6 +157,7 @@ Solved three_quadrics_arrays(Array points, Array planes, int steps, double scale
 }
 
 Solved paper_two_lines_arrays(Array points, Array segments, int threads) {
+  check_threads(threads);
   const Leading leading(points, {4, 3});
   leading.must_equal(Leading(segments, {4, 2, 3}));
   return solve_batch(leading, 8, [&](BatchOut out) {
@@ -168,6 +176,7 @@ Solved paper_two_lines_arrays(Array points, Array segments, int threads) {
 }
 
 Solved paper_four_points_arrays(Array points, Array segments, int threads) {
+  check_threads(threads);
   const Leading leading(points, {4, 2});
   leading.must_equal(Leading(segments, {4, 2, 3}));
   return solve_batch(leading, 4, [&](BatchOut out) {
@@ -188,6 +197,7 @@ Solved paper_four_points_arrays(Array points, Array segments, int threads) {
 // One solution at most, and the condition of every problem.
 std::tuple<Out<double>, nb::object, Out<double>> linear_arrays(Array points, Array planes, bool planar,
                                                                int threads) {
+  check_threads(threads);
   const Leading leading(points, {0, 3});
   leading.must_equal(Leading(planes, {0, 4}));
   const std::size_t rows = points.shape(leading.axes);

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "bind/arrays.hpp"
+#include "bind/checks.hpp"
 #include "sonocal/solvers/batch.hpp"
 #include "sonocal/study/trial.hpp"
 
@@ -28,6 +29,9 @@ class Trials {
         dimension_(dimension) {
     if (segments.shape(0) != size_ || segments.shape(1) != rows_ || (dimension != 2 && dimension != 3))
       throw nb::value_error("the arrays differ in their number of trials or rows");
+    require(rows_ > 0 && rows_ <= kMostRows, "a trial has between one row and 2^28");
+    check_finite(points_, size_ * rows_ * 3, "points");
+    check_finite(segments_, size_ * rows_ * 6, "segments");
     for (std::size_t i = 0; dimension == 3 && i < rows_; ++i)
       sightings_.push_back(static_cast<std::int32_t>(i / 2));
   }
@@ -50,12 +54,18 @@ class Trials {
   std::vector<std::int32_t> sightings_;
 };
 
+void check_numbers(double level_px, double level_mm, int threads) {
+  require(usable(level_px) && level_px >= 0 && usable(level_mm) && level_mm >= 0,
+          "a noise level is not a number from 0 on");
+  check_threads(threads);
+}
+
 Solver solver_named(const std::string& name) {
   if (name == "closed_form") return Solver::kClosedForm;
   if (name == "paper_four_points") return Solver::kFourPoints;
   if (name == "paper_two_lines") return Solver::kTwoLines;
   if (name == "linear") return Solver::kLinear;
-  throw nb::value_error(("no such solver: " + name).c_str());
+  refuse("no such solver: " + name);
 }
 
 void write(const std::optional<Transform>& transform, double* out) {
@@ -73,6 +83,10 @@ std::tuple<Out<double>, Out<double>> run(Points points, Segments segments,
   const Trials trials(points, segments, dimension);
   if (seeds.shape(0) != trials.size()) throw nb::value_error("one seed a trial");
   const Method method{solver_named(solver), likelihood ? Weighting::kLikelihood : Weighting::kGeometric};
+  check_numbers(level_px, level_mm, threads);
+  require(threshold_mm >= 0, "threshold_mm is not a number from 0 on");
+  require(confidence > 0 && confidence < 1, "confidence is not between 0 and 1");
+  require(max_samples > 0, "max_samples is not positive");
   Options common;
   common.threshold_mm = threshold_mm;
   common.levels = {level_px, level_mm};
@@ -101,6 +115,8 @@ Out<double> bounds(Points points, Segments segments, In<bool, nb::ndim<2>> sound
   const Trials trials(points, segments, dimension);
   if (sound.shape(0) != trials.size() || sound.shape(1) != trials.rows() || truth.shape(0) != trials.size())
     throw nb::value_error("the arrays differ in their number of trials or rows");
+  check_numbers(level_px, level_mm, threads);
+  check_finite(truth.data(), truth.shape(0) * 16, "truth");
   Options options;
   options.levels = {level_px, level_mm};
   std::vector<double> out(trials.size() * 49);

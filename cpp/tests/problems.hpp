@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "sonocal/random.hpp"
+#include "sonocal/robust/random.hpp"
 #include "sonocal/solvers/gauss_newton.hpp"
 
 namespace sonocal {

@@ -1,7 +1,7 @@
 // The contract of find_consensus, with an estimator that counts what it is asked: a line y = m x through the
 // origin, from one number a sample.
 #include "check.hpp"
-#include "sonocal/consensus.hpp"
+#include "sonocal/robust/consensus.hpp"
 
 using namespace sonocal;
 

@@ -3,9 +3,9 @@
 
 #include "check.hpp"
 #include "problems.hpp"
-#include "sonocal/correspondences.hpp"
-#include "sonocal/estimate.hpp"
-#include "sonocal/white_residuals.hpp"
+#include "sonocal/correspondences/correspondences.hpp"
+#include "sonocal/estimate/estimate.hpp"
+#include "sonocal/estimate/white_residuals.hpp"
 
 using namespace sonocal;
 

@@ -68,7 +68,7 @@ OPTION_REFUSALS = [
     ({"threshold_mm": 0}, "threshold_mm must be a positive number; got 0"),
     ({"threshold_mm": float("nan")}, "threshold_mm must be a positive number; got nan"),
     ({"tolerance_mm": -1}, "tolerance_mm must be a positive number; got -1"),
-    ({"max_samples": 0}, "max_samples must be a positive number; got 0"),
+    ({"max_samples": 0}, "max_samples must be a whole number from 1 to 1073741824; got 0"),
     (
         {"fit_split": "a", "test_split": "a"},
         "fit_split and test_split are both 'a'; held-out rows must not be fitted",

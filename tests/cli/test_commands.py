@@ -50,7 +50,7 @@ def test_tables_fit_the_terminal_and_say_what_to_trust_first(table, tmp_path, wi
     result = run("calibrate", table, "-o", tmp_path / "out", width=width)
     lines = result.output.splitlines()
     assert max(len(line) for line in lines if not line.startswith("Wrote")) <= width
-    assert lines[0].startswith("Sound: expect errors up to ")
+    assert lines[0].startswith("Use it. Expect errors of the calibration up to ")
     for words in ("fitted rows", "corner", "probe_from_image (PLUS: ImageToProbe)", "mm/px", "Wrote"):
         assert words in result.output
     assert "…" not in result.output
@@ -61,12 +61,14 @@ def test_warnings_come_first(tmp_path):
     sc.write_observations(rows, tmp_path / "a.csv")
     result = run("calibrate", tmp_path / "a.csv", "-o", tmp_path / "out")
     assert result.output.startswith("warning many-outliers\n  11 of 30 rows are further than 5 mm")
-    assert "Use with care" in result.output
+    assert "Use it with care. " in result.output
 
 
-def test_json_is_the_calibration_on_stdout_and_nothing_else(table, tmp_path):
+def test_json_is_the_calibration_and_its_verdict_on_stdout_and_nothing_else(table, tmp_path):
     result = run("calibrate", table, "-o", tmp_path / "out", "--json")
-    assert json.loads(result.stdout) == json.loads((tmp_path / "out" / "calibration.json").read_text())
+    printed = json.loads(result.stdout)
+    assert list(printed.pop("verdict")) == ["level", "headline", "expectation", "reasons", "codes"]
+    assert printed == json.loads((tmp_path / "out" / "calibration.json").read_text())
 
 
 def test_plus_export_holds_the_calibration(calibrated, tmp_path):

@@ -5,6 +5,7 @@ import pytest
 
 from sonocal.export import itk, slicer
 from sonocal.geometry import AxisScaled
+from tests.builders.calibrations import calibration_with
 from tests.builders.similarities import random_similarity
 
 WRITERS = {
@@ -35,7 +36,7 @@ def written(content, suffix, tmp_path):
 def test_itk_maps_points_as_we_do(tmp_path, suffix, seed):
     points = np.random.default_rng(seed).uniform(-100, 900, (1000, 3))
     for probe_from_image in transforms(seed):
-        theirs = written(WRITERS[suffix][0](probe_from_image), suffix, tmp_path)
+        theirs = written(WRITERS[suffix][0](calibration_with(probe_from_image)), suffix, tmp_path)
         mapped = np.array([theirs.TransformPoint(p) for p in points.tolist()])
         np.testing.assert_allclose(mapped, probe_from_image.apply(points), rtol=0, atol=1e-9)
 
@@ -46,7 +47,7 @@ def test_slicers_form_maps_back(tmp_path, suffix, seed):
     """As Slicer reads it: the file's inverse, from LPS to its own RAS axes, is the transform to parent."""
     points = np.random.default_rng(seed).uniform(-100, 900, (1000, 3))
     for probe_from_image in transforms(seed):
-        from_parent_lps = written(WRITERS[suffix][1](probe_from_image), suffix, tmp_path)
+        from_parent_lps = written(WRITERS[suffix][1](calibration_with(probe_from_image)), suffix, tmp_path)
         mapped = [
             from_parent_lps.TransformPoint(p)
             for p in (probe_from_image.apply(points) @ LPS_FROM_RAS).tolist()
@@ -60,13 +61,13 @@ def test_slicers_form_maps_back(tmp_path, suffix, seed):
 
 
 def test_the_files_say_what_they_hold():
-    similarity = random_similarity(0)
-    assert b"to millimetres in the probe marker's frame" in itk.itk_tfm(similarity)
-    assert b"this file holds its inverse in LPS" in slicer.slicer_tfm(similarity)
+    found = calibration_with(random_similarity(0))
+    assert b"to millimetres in the probe marker's frame" in itk.itk_tfm(found)
+    assert b"this file holds its inverse in LPS" in slicer.slicer_tfm(found)
     h5py = pytest.importorskip("h5py", reason="h5py is not installed")
     for content, words in (
-        (itk.itk_h5(similarity), "the mm per px are inside the matrix"),
-        (slicer.slicer_h5(similarity), "this file holds its inverse in LPS"),
+        (itk.itk_h5(found), "the mm per px are inside the matrix"),
+        (slicer.slicer_h5(found), "this file holds its inverse in LPS"),
     ):
         with h5py.File(io.BytesIO(content)) as file:
             assert words in file.attrs["convention"]

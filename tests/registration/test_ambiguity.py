@@ -6,6 +6,7 @@ import pytest
 import sonocal as sc
 from sonocal.calibration import point_line_rows
 from sonocal.registration.ambiguity import better_of_mirrored, mirrored_answer
+from sonocal.registration.options import Options
 from sonocal.registration.robust import fit_point_lines
 from tests.builders.similarities import random_similarity
 
@@ -37,7 +38,7 @@ def test_an_answer_of_nearly_parallel_needles_is_not_off_by_more_than_it_may_be(
 def test_the_better_of_the_two_comes_first():
     for seed in range(8):
         rows = point_line_rows(nearly_parallel(0.01, seed))
-        fit = fit_point_lines(rows)
+        fit = fit_point_lines(rows, Options())
         best, other = better_of_mirrored(rows, fit)
         assert other is not None
         squares = [np.sum(np.minimum(f.residuals_mm, fit.threshold_mm) ** 2) for f in (best, other)]
@@ -48,7 +49,7 @@ def test_needles_in_all_directions_have_no_second_answer():
     found = sc.calibrate(nearly_parallel(2.0, 0), image_size_px=(500, 500))
     assert not found.warnings
     rows = point_line_rows(nearly_parallel(2.0, 0))
-    assert mirrored_answer(rows, fit_point_lines(rows)) is None
+    assert mirrored_answer(rows, fit_point_lines(rows, Options())) is None
 
 
 def test_the_near_parallel_wires_of_a_stepper_leave_two_answers(data_folder):

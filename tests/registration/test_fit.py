@@ -12,6 +12,7 @@ from sonocal import AxisScaled, NoConsensusError, Observations
 from sonocal.calibration import point_line_rows
 from sonocal.geometry import homogeneous_points, similarity_errors
 from sonocal.registration.noise import residual_vectors
+from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.uncertainty import point_jacobian
@@ -22,7 +23,7 @@ dimensions = st.sampled_from([2, 3])
 
 
 def fit(rows, **options):
-    return fit_point_lines(point_line_rows(rows), **{"weighting": "geometric"} | options)
+    return fit_point_lines(point_line_rows(rows), Options.of(**{"weighting": "geometric"} | options))
 
 
 def retract(transform, step):
@@ -92,7 +93,9 @@ def test_refinement_from_a_disturbed_start_returns_to_the_fit(seed, dimension):
     rows = simulate_observations(dimension, 12, seed=seed).observations
     found = fit(rows)
     step = np.random.default_rng(seed).normal(size=7) * [0.03, 0.03, 0.03, 3, 3, 3, 0.03]
-    again = refine_point_lines(retract(found.transform, step), point_line_rows(rows), weighting="geometric")
+    again = refine_point_lines(
+        retract(found.transform, step), point_line_rows(rows), None, Options(weighting="geometric")
+    )
     assert again.converged
     np.testing.assert_allclose(again.transform.matrix, found.transform.matrix, atol=1e-6)
 
@@ -202,7 +205,9 @@ def test_of_few_rows_answers_the_likeliest_is_found(seed):
     scene = simulate_observations(2, 6, sigma_px=sigma[0], sigma_mm=sigma[1], seed=seed)
     levels = {"sigma_px": sigma[0], "sigma_mm": sigma[1]}
     found = fit(scene.observations, weighting="likelihood", threshold_mm=40.0, **levels)
-    known = refine_point_lines(scene.probe_from_image, point_line_rows(scene.observations), **levels)
+    known = refine_point_lines(
+        scene.probe_from_image, point_line_rows(scene.observations), None, Options(**levels)
+    )
     cost = [likelihood_cost(scene.observations, one.transform, *sigma) for one in (found, known)]
     assert cost[0] <= cost[1] + 1e-3
 

@@ -5,6 +5,7 @@ import pytest
 
 import sonocal as sc
 from sonocal.registration.noise import estimate_noise, stretch_length
+from sonocal.registration.options import Options
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
@@ -46,7 +47,7 @@ def test_variances_put_in_come_out_and_errors_are_as_predicted(sigma, weighting)
     for seed in range(60):
         truth, points, segments, groups = wires(seed, sigma)
         rows = PointLineRows(points, segments, 2)
-        noise = estimate_noise(rows, fit := fit_point_lines(rows, weighting=weighting), groups)
+        noise = estimate_noise(rows, fit := fit_point_lines(rows, Options(weighting=weighting)), groups)
         squares["row"].append(noise.row_mm**2)
         for name in ("frame", "target"):
             squares[name].append(noise.shared_mm.get(name, 0.0) ** 2)
@@ -73,7 +74,7 @@ def test_shares_that_cannot_be_told_apart_are_absent():
     _, points, segments, _ = wires(0, SIGMAS[0])
     each = np.arange(len(points))
     rows = PointLineRows(points, segments, 2)
-    noise = estimate_noise(rows, fit_point_lines(rows), {"frame": each, "target": 0 * each})
+    noise = estimate_noise(rows, fit_point_lines(rows, Options()), {"frame": each, "target": 0 * each})
     assert noise.shared_mm == {}
 
 

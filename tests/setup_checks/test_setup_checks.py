@@ -115,6 +115,6 @@ def test_nonsense_is_refused():
     with pytest.raises(sc.InputError, match="scanner_mm_per_px must be positive; got -1"):
         list(check_scale(evidence, -1))
     with pytest.raises(
-        sc.InputError, match=r"expected must be the directions of u, v and normal, shape \(3, 3\)"
+        sc.InputError, match=r"expected_rotation must be the directions of u, v and normal, shape \(3, 3\)"
     ):
-        list(check_flip(evidence, expected=np.eye(4)))
+        list(check_flip(evidence, expected_rotation=np.eye(4)))

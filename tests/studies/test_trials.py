@@ -7,6 +7,7 @@ import pytest
 from sonocal.calibration import calibrate, point_line_rows
 from sonocal.geometry import Similarity, similarity_errors
 from sonocal.observations import Observations
+from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
 from sonocal.studies import METHODS, Scene, Study
 from sonocal.studies.measures import bound_errors, calibration_errors, target_place
@@ -75,7 +76,9 @@ def test_refined_answers_are_minima_of_the_papers_cost(name, dimension):
     _, after = run_method(name, scene, trials, threshold_mm=50.0)  # all rows agree
     for i in range(len(trials)):
         rows = point_line_rows(observations_of(trials, i, dimension))
-        again = refine_point_lines(Similarity.from_matrix(after[i]), rows, weighting="geometric")
+        again = refine_point_lines(
+            Similarity.from_matrix(after[i]), rows, None, Options(weighting="geometric")
+        )
         np.testing.assert_allclose(again.transform.matrix, after[i], rtol=1e-6, atol=1e-5)
 
 

@@ -6,9 +6,9 @@
 #include <thread>
 #include <vector>
 
-#include "sonocal/solvers/kernels.hpp"
-#include "sonocal/solvers/lanes.hpp"
-#include "sonocal/transform.hpp"
+#include "sonocal/linalg/transform.hpp"
+#include "sonocal/solvers/lanes/kernels.hpp"
+#include "sonocal/solvers/lanes/lanes.hpp"
 
 namespace sonocal {
 

@@ -1,6 +1,6 @@
 #include "sonocal/solvers/four_points.hpp"
 
-#include "sonocal/solvers/four_points_lanes.hpp"
+#include "sonocal/solvers/lanes/four_points_lanes.hpp"
 
 namespace sonocal {
 

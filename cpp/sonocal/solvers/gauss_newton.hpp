@@ -3,8 +3,8 @@
 
 #include <vector>
 
+#include "sonocal/linalg/transform.hpp"
 #include "sonocal/solvers/three_quadrics.hpp"
-#include "sonocal/transform.hpp"
 
 namespace sonocal {
 

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "sonocal/transform.hpp"
+#include "sonocal/linalg/transform.hpp"
 
 namespace sonocal {
 

@@ -3,8 +3,8 @@
 
 #include <array>
 
+#include "sonocal/linalg/transform.hpp"
 #include "sonocal/solvers/batch.hpp"
-#include "sonocal/transform.hpp"
 
 namespace sonocal {
 

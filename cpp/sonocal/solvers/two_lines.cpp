@@ -1,6 +1,6 @@
 #include "sonocal/solvers/two_lines.hpp"
 
-#include "sonocal/solvers/two_lines_lanes.hpp"
+#include "sonocal/solvers/lanes/two_lines_lanes.hpp"
 
 namespace sonocal {
 namespace {

@@ -2,9 +2,9 @@
 // table.
 #pragma once
 
-#include "sonocal/consensus.hpp"
-#include "sonocal/observations.hpp"
-#include "sonocal/sightings.hpp"
+#include "sonocal/estimate/point_lines.hpp"
+#include "sonocal/estimate/sightings.hpp"
+#include "sonocal/robust/consensus.hpp"
 
 namespace sonocal {
 

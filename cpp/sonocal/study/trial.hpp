@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "sonocal/estimate.hpp"
+#include "sonocal/estimate/estimate.hpp"
 #include "sonocal/study/hypotheses.hpp"
 
 namespace sonocal {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -272,15 +273,7 @@ def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) ->
     """Fits the wider model too, and tests whether its two scales differ."""
     if table.dimension == 3 or fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
         return
-    wider = refine_point_lines(
-        fit.transform,
-        table,
-        fit.inlier,
-        model="anisotropic",
-        weighting=fit.weighting,
-        sigma_px=fit.sigma_px,
-        sigma_mm=fit.sigma_mm,
-    )
+    wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
     if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
         covariance = estimate_noise(table, wider, groupings.labels).covariance

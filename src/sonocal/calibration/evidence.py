@@ -41,7 +41,7 @@ def set_up_findings(evidence: Evidence, options: Options) -> tuple[Diagnostic, .
     return check_setup(
         evidence,
         scanner_mm_per_px=options.scanner_mm_per_px,
-        expected=options.expected_rotation,
+        expected_rotation=options.expected_rotation,
         marker_above_image=options.marker_above_image,
         seed=options.seed,
     )

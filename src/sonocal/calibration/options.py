@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sonocal.errors import InputError
-from sonocal.registration.fit import Model, Weighting
+from sonocal.registration.options import Model, Weighting, positive_number
 from sonocal.registration.options import Options as RegistrationOptions
 
 __all__ = ["Keywords", "Options", "kept_options"]
@@ -55,7 +55,9 @@ class Options(RegistrationOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._keep("tolerance_mm", positive("tolerance_mm", self.tolerance_mm))
+        if self.threshold_mm != "auto":  # a row that is anywhere is no sighting
+            positive_number("threshold_mm", self.threshold_mm)
+        self._keep("tolerance_mm", positive_number("tolerance_mm", self.tolerance_mm))
         for name in ("fit_split", "test_split"):
             self._keep(name, _text(name, getattr(self, name)))
         if self.test_split is not None and self.test_split == self.fit_split:
@@ -94,9 +96,6 @@ class Options(RegistrationOptions):
             if field.name in RECORDED or getattr(self, field.name) != field.default
         }
 
-    def _keep(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
-
 
 def kept_options(asked: Options, used: Options) -> dict[str, Any]:
     """The options as a calibration's file keeps them: those used, and what was asked where that was no number."""
@@ -111,14 +110,6 @@ RECORDED = (
 )
 
 
-def positive(name: str, value: Any) -> float:
-    """A positive finite number as a float."""
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not (number and np.isfinite(value) and value > 0):
-        raise InputError(f"{name} must be a positive number; got {value}")
-    return float(value)
-
-
 def _text(name: str, value: Any) -> str | None:
     if value is not None and not isinstance(value, str):
         raise InputError(f"{name} must be the name of a split; got {value!r}")
@@ -127,7 +118,7 @@ def _text(name: str, value: Any) -> str | None:
 
 def _size(value: Any) -> tuple[int, ...]:
     try:
-        size = tuple(positive("image_size_px", number) for number in value)
+        size = tuple(positive_number("image_size_px", number) for number in value)
     except (TypeError, InputError):
         size = ()
     if len(size) not in (2, 3) or any(number != int(number) for number in size):
@@ -138,7 +129,8 @@ def _size(value: Any) -> tuple[int, ...]:
 def _scanner(value: Any) -> float | tuple[float, float]:
     try:
         said = [
-            positive("scanner_mm_per_px", number) for number in np.atleast_1d(np.asarray(value, dtype=object))
+            positive_number("scanner_mm_per_px", number)
+            for number in np.atleast_1d(np.asarray(value, dtype=object))
         ]
     except InputError:
         said = []

@@ -8,7 +8,7 @@ import msgspec
 
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
-from sonocal.registration.fit import Model
+from sonocal.registration.options import Model
 
 __all__ = ["CONVENTIONS", "FORMAT", "VERSION", "Record", "Sigma"]
 

@@ -20,8 +20,8 @@ from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.findings import Diagnostic, warnings_first
 from sonocal.geometry import Array, AxisScaled, Similarity, area_places
-from sonocal.registration.fit import Model
 from sonocal.registration.noise import Noise
+from sonocal.registration.options import Model
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
 __all__ = ["Calibration", "calibration_json", "load_calibration", "parse_calibration"]
@@ -255,9 +255,20 @@ def _options_record(calibration: Calibration) -> dict[str, Any]:
 def _transform(matrix: np.ndarray[Any, np.dtype[np.float64]], record: Record) -> AxisScaled:
     scales = np.resize(record.scale_mm_per_px, 3)
     scales[2] = np.mean(record.scale_mm_per_px)
-    rotation, translation = matrix[:3, :3] / scales, matrix[:3, 3]
+    rotation, translation = _exact_quotient(matrix[:3, :3], scales), matrix[:3, 3]
     similarity = Similarity(rotation, translation, scales[0])  # checks that it is one
     return similarity if record.model == "similarity" else AxisScaled(rotation, translation, scales)
+
+
+def _exact_quotient(product: Array, factor: Array) -> Array:
+    """What times the factor gives the product to the last bit, which the rounded quotient may miss by one."""
+    quotient = product / factor
+    for towards in (-np.inf, np.inf):
+        neighbour = np.nextafter(quotient, towards)
+        quotient = np.where(
+            (quotient * factor != product) & (neighbour * factor == product), neighbour, quotient
+        )
+    return np.asarray(quotient)
 
 
 def _scale_count(model: Model) -> int:

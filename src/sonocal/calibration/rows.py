@@ -7,8 +7,8 @@ import numpy as np
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
-from sonocal.registration.fit import Model
 from sonocal.registration.noise import residual_vectors
+from sonocal.registration.options import Model
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 

@@ -32,7 +32,7 @@ from sonocal.cli.options import (
     seed,
     typed,
 )
-from sonocal.cli.report import pictures
+from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.errors import InputError
 
 __all__ = ["calibrate"]
@@ -144,7 +144,7 @@ def calibrate(
         files |= report_files(found, result.rows, frames=pictures(result))
     write_into_folder(output, files)
     if as_json:
-        click.echo(content, nl=False)
+        click.echo(json_with_verdict(found, content), nl=False)
         return
     print_calibration(console(), found)
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)

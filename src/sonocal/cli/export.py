@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sonocal.cli.options import FILE
+from sonocal.cli.options import FILE, console
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,12 +46,15 @@ def export(  # noqa: PLR0917 - one argument an option
     json    the calibration file, brought up to date
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.calibration import load_calibration
+    from sonocal.cli.screen.parts import verdict_text
     from sonocal.files import write_atomically
+    from sonocal.validation import give_verdict
 
     if form != "plus" and into is not None:
         raise click.UsageError("--into is for --to plus")
     loaded = load_calibration(calibration)
     write_atomically(output, _content(loaded, form, output, into, (image, probe)))
+    console().print(verdict_text(give_verdict(loaded)))
     click.echo(f"Wrote {output}")
 
 
@@ -84,4 +87,4 @@ def _transform(calibration: Calibration, form: str, output: Path) -> bytes:
     write = writers.get((form, output.suffix.lower()))
     if write is None:
         raise InputError(f"{output}: transforms are written as .tfm or .h5; choose one of these names")
-    return write(calibration.probe_from_image)
+    return write(calibration)

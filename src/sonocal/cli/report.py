@@ -1,4 +1,4 @@
-"""What the commands write of a report, and the pictures in it."""
+"""What the commands write of a report, and the pictures in it; and what they print for programs."""
 
 from __future__ import annotations
 
@@ -16,15 +16,9 @@ if TYPE_CHECKING:
     from sonocal.report import FrameImage
     from sonocal.validation import Comparison, Validation
 
-from typing import TYPE_CHECKING
+__all__ = ["json_with_verdict", "pictures", "report_files"]
 
-if TYPE_CHECKING:
-    from sonocal.calibration import Calibration
-    from sonocal.observations import Observations
-    from sonocal.report import FrameImage
-
-
-__all__ = ["pictures", "report_files"]
+MOST_PICTURES = 12
 
 
 def report_files(
@@ -50,7 +44,14 @@ def report_files(
         return {}
 
 
-MOST_PICTURES = 12
+def json_with_verdict(calibration: Calibration, content: bytes) -> bytes:
+    """A calibration's file, with the verdict beside its fields, for programs."""
+    import msgspec
+
+    from sonocal.validation import give_verdict
+
+    record = msgspec.json.decode(content) | {"verdict": give_verdict(calibration)}
+    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
 
 
 def pictures(result: Result) -> list[FrameImage]:

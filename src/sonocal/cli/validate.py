@@ -101,7 +101,7 @@ def validate(
     folder = calibration.parent if output is None else output
     write_into_folder(folder, files)
     if as_json:
-        click.echo(_json(numbers, comparison))
+        click.echo(_json(found, numbers, comparison))
         return
     _print(found, numbers, comparison)
     for name in files:
@@ -144,10 +144,13 @@ def _print(calibration: Calibration, numbers: Validation, comparison: Comparison
     print_validation(console(), calibration, numbers, comparison)
 
 
-def _json(numbers: Validation, comparison: Comparison | None) -> str:
+def _json(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> str:
     import msgspec
 
+    from sonocal.validation import give_verdict
+
     record: dict[str, Any] = {
+        "verdict": give_verdict(calibration, numbers),
         "input": numbers.source,
         "sha256": numbers.sha256,
         "quantities": numbers.quantities,

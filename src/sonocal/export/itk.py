@@ -10,8 +10,10 @@ import io
 
 import numpy as np
 
+from sonocal.calibration import Calibration
 from sonocal.errors import UnsupportedError
-from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry import Array
+from sonocal.validation import give_verdict
 
 __all__ = ["affine_h5", "affine_tfm", "itk_h5", "itk_tfm"]
 
@@ -22,25 +24,26 @@ CONVENTION = (
 )
 
 
-def itk_tfm(probe_from_image: AxisScaled) -> bytes:
-    """The content of a ``.tfm`` file that maps pixels to mm as `probe_from_image` does."""
-    return affine_tfm(probe_from_image.matrix, CONVENTION)
+def itk_tfm(calibration: Calibration) -> bytes:
+    """The content of a ``.tfm`` file that maps pixels to mm as the calibration does."""
+    return affine_tfm(calibration.probe_from_image.matrix, CONVENTION, give_verdict(calibration).remark)
 
 
-def itk_h5(probe_from_image: AxisScaled) -> bytes:
-    """The content of an ``.h5`` file that maps pixels to mm as `probe_from_image` does.
+def itk_h5(calibration: Calibration) -> bytes:
+    """The content of an ``.h5`` file that maps pixels to mm as the calibration does.
 
     Raises:
         UnsupportedError: h5py is not installed.
     """
-    return affine_h5(probe_from_image.matrix, CONVENTION)
+    return affine_h5(calibration.probe_from_image.matrix, CONVENTION, give_verdict(calibration).remark)
 
 
-def affine_tfm(matrix: Array, convention: str) -> bytes:
+def affine_tfm(matrix: Array, convention: str, verdict: str) -> bytes:
     """An ITK text transform of a 4 x 4 matrix; numbers read back to the last bit."""
     lines = [
         "#Insight Transform File V1.0",
         f"# {convention}",
+        f"# {verdict}",
         "#Transform 0",
         f"Transform: {TYPE}",
         "Parameters: " + " ".join(repr(float(x)) for x in _parameters(matrix)),
@@ -49,7 +52,7 @@ def affine_tfm(matrix: Array, convention: str) -> bytes:
     return "\n".join(lines).encode() + b"\n"
 
 
-def affine_h5(matrix: Array, convention: str) -> bytes:
+def affine_h5(matrix: Array, convention: str, verdict: str) -> bytes:
     """An ITK HDF5 transform of a 4 x 4 matrix.
 
     Raises:
@@ -70,6 +73,7 @@ def affine_h5(matrix: Array, convention: str) -> bytes:
         group["TransformParameters"] = _parameters(matrix)
         group["TransformFixedParameters"] = np.zeros(3)
         file.attrs["convention"] = convention
+        file.attrs["verdict"] = verdict
     return content.getvalue()
 
 

@@ -12,6 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 from sonocal.calibration import Calibration
 from sonocal.errors import FormatError, InputError
+from sonocal.validation import give_verdict
 
 __all__ = ["plus_xml", "put_into_device_set"]
 
@@ -38,7 +39,8 @@ def plus_xml(calibration: Calibration, image: str = "Image", probe: str = "Probe
     """
     root = ElementTree.Element("PlusConfiguration", version="2.1")
     definitions = ElementTree.SubElement(root, "CoordinateDefinitions")
-    definitions.append(ElementTree.Comment(COMMENT.format(image=image, probe=probe) + COPY))
+    comment = COMMENT.format(image=image, probe=probe) + COPY + give_verdict(calibration).remark + " "
+    definitions.append(ElementTree.Comment(comment))
     ElementTree.SubElement(definitions, "Transform", {"From": image, "To": probe, **_values(calibration)})
     ElementTree.indent(root)
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
@@ -50,7 +52,7 @@ def put_into_device_set(
     """A device set that differs from the one given in the calibration's transform alone, every other byte kept.
 
     The transform's Matrix, Error and Date are replaced where it stands; where it does not, it is added to the
-    CoordinateDefinitions, with a comment on what it maps.
+    CoordinateDefinitions, with a comment on what it maps and the verdict on it.
 
     Args:
         calibration: what to put in.
@@ -80,7 +82,10 @@ def put_into_device_set(
     if same:
         edited = _replaced(body, same[0], values)
     else:
-        edited = _added(body, there, {"From": image, "To": probe, **values}, name)
+        comment = COMMENT.format(image=image, probe=probe) + give_verdict(calibration).remark + " "
+        if "--" in comment:
+            raise InputError(f"{name}: a frame's name must not hold '--'")
+        edited = _added(body, there, {"From": image, "To": probe, **values}, comment)
     return content[:start] + edited
 
 
@@ -176,11 +181,8 @@ def _replaced(body: bytes, start: int, values: Mapping[str, str]) -> bytes:
     return body[:start] + tag + body[end:]
 
 
-def _added(body: bytes, there: _Found, attributes: Mapping[str, str], name: str) -> bytes:
+def _added(body: bytes, there: _Found, attributes: Mapping[str, str], comment: str) -> bytes:
     """The device set with the transform as the last of its CoordinateDefinitions, indented as its neighbours."""
-    comment = COMMENT.format(image=attributes["From"], probe=attributes["To"])
-    if "--" in comment:
-        raise InputError(f"{name}: a frame's name must not hold '--'")
     transform = b"<Transform " + b" ".join(_attribute(*pair) for pair in attributes.items()) + b" />"
     lines = [f"<!--{comment}-->".encode(), transform]
     if there.definitions is not None:

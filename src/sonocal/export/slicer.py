@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from sonocal.calibration import Calibration
 from sonocal.export.itk import affine_h5, affine_tfm
 from sonocal.geometry import Array, AxisScaled
+from sonocal.validation import give_verdict
 
 __all__ = ["slicer_h5", "slicer_matrix", "slicer_tfm"]
 
@@ -27,18 +29,20 @@ CONVENTION = (
 )
 
 
-def slicer_tfm(probe_from_image: AxisScaled) -> bytes:
+def slicer_tfm(calibration: Calibration) -> bytes:
     """The content of a ``.tfm`` file for 3D Slicer."""
-    return affine_tfm(slicer_matrix(probe_from_image), CONVENTION)
+    matrix = slicer_matrix(calibration.probe_from_image)
+    return affine_tfm(matrix, CONVENTION, give_verdict(calibration).remark)
 
 
-def slicer_h5(probe_from_image: AxisScaled) -> bytes:
+def slicer_h5(calibration: Calibration) -> bytes:
     """The content of an ``.h5`` file for 3D Slicer.
 
     Raises:
         UnsupportedError: h5py is not installed.
     """
-    return affine_h5(slicer_matrix(probe_from_image), CONVENTION)
+    matrix = slicer_matrix(calibration.probe_from_image)
+    return affine_h5(matrix, CONVENTION, give_verdict(calibration).remark)
 
 
 def slicer_matrix(probe_from_image: AxisScaled) -> Array:

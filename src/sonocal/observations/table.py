@@ -224,11 +224,20 @@ def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     for column in columns:
         if len(column) == 0 or np.all(column == column[0]):
             continue
-        distinct, code = np.unique(column, return_inverse=True)
-        codes = codes * len(distinct) + code.reshape(-1)
+        count, code = _codes(column)
+        codes = codes * count + code
         if column is not columns[0]:
             codes = np.unique(codes, return_inverse=True)[1].reshape(-1)
     return codes
+
+
+def _codes(column: NDArray[Any]) -> tuple[int, NDArray[np.int64]]:
+    """How many distinct values a column has, and which of them, in their order, each row has."""
+    if column.dtype.kind in "iu" and np.all(column[1:] >= column[:-1]):
+        code = np.concatenate([[0], np.cumsum(column[1:] != column[:-1])])
+        return int(code[-1]) + 1, code
+    distinct, code = np.unique(column, return_inverse=True)
+    return len(distinct), code.reshape(-1)
 
 
 def _first(mask: NDArray[np.bool_]) -> int | None:

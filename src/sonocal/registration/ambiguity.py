@@ -42,30 +42,18 @@ class Rival:
     covariance: Array
 
 
-def better_of_mirrored(
-    rows: PointLineRows, fit: Fit, *, sigma_px: float | None = None, sigma_mm: float | None = None
-) -> tuple[Fit, Fit | None]:
+def better_of_mirrored(rows: PointLineRows, fit: Fit) -> tuple[Fit, Fit | None]:
     """The fit and its mirrored answer, the better first; None where there is no other.
 
     Args:
         rows: points and lines.
         fit: the answer.
-        sigma_px: noise level of the points that the answer was fitted with, where given.
-        sigma_mm: noise level of the segments, likewise.
     """
     other = mirrored_answer(rows, fit)
     if other is None or not _truncated(other, fit.threshold_mm) < _truncated(fit, fit.threshold_mm):
         return fit, other
     inlier = other.residuals_mm <= fit.threshold_mm
-    better = refine_point_lines(
-        other.transform,
-        rows,
-        inlier,
-        model=fit.model,
-        weighting=fit.weighting,
-        sigma_px=sigma_px,
-        sigma_mm=sigma_mm,
-    )
+    better = refine_point_lines(other.transform, rows, inlier, fit.options)
     return replace(better, inlier=inlier, threshold_mm=fit.threshold_mm, samples=fit.samples), fit
 
 
@@ -133,15 +121,7 @@ def mirrored_answer(rows: PointLineRows, fit: Fit) -> Fit | None:
         return None
     common = np.linalg.eigh(directions.T @ directions)[1][:, 2]
     start = _mirrored(fit.transform, common, rows.points[fit.inlier].mean(axis=0))
-    other = refine_point_lines(
-        start,
-        rows,
-        fit.inlier,
-        model=fit.model,
-        weighting=fit.weighting,
-        sigma_px=fit.sigma_px,
-        sigma_mm=fit.sigma_mm,
-    )
+    other = refine_point_lines(start, rows, fit.inlier, fit.levelled)
     turned = np.linalg.norm(other.transform.rotation - fit.transform.rotation)
     return other if turned > SAME_ROTATION else None
 

@@ -29,22 +29,10 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
 
     Source: paper sections 6 to 9.
     """
-    levels = {"sigma_px": options.sigma_px, "sigma_mm": options.sigma_mm}
     # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
     # hide it, are known.
     refuse_degenerate_lines(rows.points, rows.segments_mm, rows.dimension)
-    fit = fit_point_lines(
-        rows,
-        model=options.model,
-        weighting=options.weighting,
-        threshold_mm=options.threshold_mm,
-        confidence=options.confidence,
-        max_samples=options.max_samples,
-        exhaustive_samples=options.exhaustive_samples,
-        seed=options.seed,
-        **levels,
-    )
-    fit, mirrored = better_of_mirrored(rows, fit, **levels)
+    fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
     if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(rows.points[fit.inlier], rows.segments_mm[fit.inlier], rows.dimension)
     refuse_free_motion(fit.least_information)

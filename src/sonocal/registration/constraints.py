@@ -9,10 +9,12 @@ Source: paper section 5.1; Ramalingam and Taguchi 2010.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array, Similarity
 from sonocal.registration.rows import PointLineRows
@@ -55,6 +57,15 @@ class Rows:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @cached_property
+    def core(self) -> _core.Table:
+        """The rows as the core keeps them, checked once."""
+        refuse_not_finite(self.points, self.planes)
+        try:
+            return _core.Table.of_planes(self.points, self.planes, self.first)
+        except ValueError as error:
+            raise InputError(f"the rows cannot be registered: {error}") from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,12 +203,11 @@ def rank(constraints: Rows, similarity: Similarity | None = None) -> FreeMotion:
     return FreeMotion(7 - len(free), tuple(_describe(v) for v in free))
 
 
-def refuse_degenerate_rows(points: Array, planes: Array, *, linear: bool = False) -> None:
-    """Raise if rows leave a motion free whatever the solution; return if they only have no real solution.
+def refuse_not_finite(points: Array, planes: Array) -> None:
+    """Raise if there is no number where there must be one.
 
     Raises:
         InputError: a value is not finite.
-        DegenerateGeometryError: the sentence names the motion.
     """
     if not np.all(np.isfinite(points)):
         raise InputError("the points must be finite; leave out those that were not seen")
@@ -205,6 +215,16 @@ def refuse_degenerate_rows(points: Array, planes: Array, *, linear: bool = False
         raise InputError(
             "a line or plane is not finite, or a segment has zero length; give two different points"
         )
+
+
+def refuse_degenerate_rows(points: Array, planes: Array, *, linear: bool = False) -> None:
+    """Raise if rows leave a motion free whatever the solution; return if they only have no real solution.
+
+    Raises:
+        InputError: a value is not finite.
+        DegenerateGeometryError: the sentence names the motion.
+    """
+    refuse_not_finite(points, planes)
     motions = _free_parts(points, planes[:, :3], planes[:, 3])
     if motions:
         code, motion = next(iter(motions.items()))

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import Array, AxisScaled, Similarity, segment_directions
+from sonocal.registration.options import Model, Options, Weighting
 
-__all__ = ["Fit", "Model", "Weighting", "away_from_lines", "fit_of"]
-
-Model = Literal["similarity", "anisotropic"]
-Weighting = Literal["likelihood", "geometric"]
+__all__ = ["Fit", "away_from_lines", "fit_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +20,7 @@ class Fit:
 
     Attributes:
         transform: mm from px.
-        model: one scale, or one along u and one along v.
-        weighting: what the refinement minimised.
+        options: how it was fitted.
         covariance: (k, k), of the tangent. With the likelihood's weights it holds the noise; geometric, it is
             ``(J'J)^-1``, for residuals of 1 mm.
         sigma_px, sigma_mm: noise levels behind the likelihood's weights, given or estimated: of a point along
@@ -38,8 +34,7 @@ class Fit:
     """
 
     transform: AxisScaled
-    model: Model
-    weighting: Weighting
+    options: Options
     covariance: Array
     sigma_px: float
     sigma_mm: float
@@ -50,6 +45,21 @@ class Fit:
     samples: int
     converged: bool
 
+    @property
+    def model(self) -> Model:
+        """One scale, or one along u and one along v."""
+        return self.options.model
+
+    @property
+    def levelled(self) -> Options:
+        """The options with the noise levels that were given or found: for another fit of the same rows."""
+        return replace(self.options, sigma_px=self.sigma_px or None, sigma_mm=self.sigma_mm or None)
+
+    @property
+    def weighting(self) -> Weighting:
+        """What the refinement minimised."""
+        return self.options.weighting
+
 
 def away_from_lines(points_mm: Array, segments_mm: Array) -> Array:
     """(N, 3), mm: from each line to its point, at right angles to the line."""
@@ -58,22 +68,21 @@ def away_from_lines(points_mm: Array, segments_mm: Array) -> Array:
     return np.asarray(away - np.sum(away * directions, axis=1, keepdims=True) * directions)
 
 
-def fit_of(found: _core.Estimate, model: Model, weighting: Weighting, inlier: NDArray[np.bool_]) -> Fit:
+def fit_of(found: _core.Estimate, options: Options, inlier: NDArray[np.bool_]) -> Fit:
     """The core's plain struct as a fit."""
-    if model == "similarity":
+    if options.model == "similarity":
         transform: AxisScaled = Similarity(found.rotation, found.translation, found.scales[0])
     else:
         transform = AxisScaled(found.rotation, found.translation, found.scales)
     return Fit(
         transform=transform,
-        model=model,
-        weighting=weighting,
+        options=options,
         covariance=found.covariance,
         sigma_px=found.level_px,
         sigma_mm=found.level_mm,
         residuals_mm=found.residuals_mm,
         inlier=inlier,
-        threshold_mm=found.threshold_mm,
+        threshold_mm=found.threshold,
         least_information=found.least_information,
         samples=found.samples,
         converged=found.converged,

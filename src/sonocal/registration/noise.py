@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonocal import _core
 from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.fit import Fit, away_from_lines
-from sonocal.registration.rows import PointLineRows, transform_arrays
+from sonocal.registration.rows import PointLineRows, to_core
 from sonocal.registration.small_samples import small_sample_covariance
 
 __all__ = ["Noise", "estimate_noise", "residual_vectors", "stretch_length"]
@@ -90,20 +90,11 @@ def estimate_noise(
     sigma_px, sigma_mm = (fit.sigma_px, fit.sigma_mm) if weighted else (None, None)
     if freedom <= 0:
         return Noise(np.nan, np.full((k, k), np.nan), 0, sigma_px, sigma_mm)
-    jacobian, shift, by_level, residual, sample_row = _core.white_residuals(
-        rows.points,
-        rows.segments_mm,
-        rows.codes(),
-        rows.sigma_px,
-        rows.sigma_mm,
-        fit.inlier,
-        *transform_arrays(fit.transform),
-        dimension=rows.dimension,
-        model=fit.model,
-        weighting=fit.weighting,
-        level_px=fit.sigma_px,
-        level_mm=fit.sigma_mm,
+    white = _core.white_residuals(
+        rows.core, fit.inlier, to_core(fit.transform), fit.options.to_core(fit.sigma_px, fit.sigma_mm)
     )
+    jacobian, shift, by_level = white.jacobian, white.shift, white.by_level
+    residual, sample_row = white.white, white.row
     total = float(residual @ residual)
     candidates = {name: _distinct(labels[sample_row]) for name, labels in groupings.items()}
     # With the likelihood's weights, what the points of one sighting share is in the weights already.

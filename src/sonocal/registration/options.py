@@ -1,23 +1,46 @@
-"""How to register: every option, checked once."""
+"""How to register: every option, checked once, and handed on whole."""
 
 from __future__ import annotations
 
-import difflib
-import math
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from math import isfinite
+from numbers import Real
 from typing import Any, Literal, Self
 
-from sonocal.errors import InputError
-from sonocal.registration.fit import Model, Weighting
+import numpy as np
 
-__all__ = ["Options"]
+from sonocal import _core
+from sonocal.errors import InputError
+
+__all__ = ["Model", "Options", "Weighting", "positive_number", "whole_number"]
+
+Model = Literal["similarity", "anisotropic"]
+Weighting = Literal["likelihood", "geometric"]
 
 CHOICES = {"model": ("similarity", "anisotropic"), "weighting": ("likelihood", "geometric")}
+MOST_SAMPLES = 2**30
+MOST_COMBINATIONS = 2**20
 
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a registration."""
+    """How to find a transform; `registration.robust.fit_point_lines` says what each option does.
+
+    Attributes:
+        model: one scale, or one along u and one along v (points of a 2D image only).
+        weighting: what the last refinement minimises.
+        threshold_mm: rows within this distance agree, in units of the target; "auto": from the noise; infinite: all.
+        sigma_px: noise of a point along every axis, px, where known; a factor of the rows' own column.
+        sigma_mm: noise of a segment's end point along every axis, mm, where known; likewise.
+        confidence: of having drawn a sample without outliers.
+        max_samples: random samples at the most.
+        exhaustive_samples: up to this many combinations are all tried.
+        seed: of the random samples.
+
+    Raises:
+        InputError: an option means nothing; the sentence names it and what arrived.
+    """
 
     model: Model = "similarity"
     weighting: Weighting = "likelihood"
@@ -31,24 +54,74 @@ class Options:
 
     @classmethod
     def of(cls, **keywords: Any) -> Self:
+        """The options with those names.
+
+        Raises:
+            InputError: there is no option of a name, or its value means nothing.
+        """
         names = [field.name for field in fields(cls)]
         for name in keywords:
             if name not in names:
-                near = difflib.get_close_matches(name, names, 1)
-                raise InputError(
-                    f"there is no option {name!r}" + (f"; did you mean {near[0]!r}?" if near else "")
-                )
+                near = get_close_matches(name, names, 1)
+                hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+                raise InputError(f"there is no option {name!r}; {hint}")
         return cls(**keywords)
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise InputError(f"{name} must be one of {', '.join(choices)}; got {getattr(self, name)!r}")
-        for name in ("threshold_mm", "sigma_px", "sigma_mm", "max_samples"):
-            value = getattr(self, name)
-            if value is None and name.startswith("sigma") or value == "auto" and name == "threshold_mm":
-                continue
-            if isinstance(value, bool) or not (
-                isinstance(value, (int, float)) and math.isfinite(value) and value > 0
-            ):
-                raise InputError(f"{name} must be a positive number; got {value}")
+        if self.threshold_mm != "auto":
+            self._keep("threshold_mm", positive_number("threshold_mm", self.threshold_mm, or_infinite=True))
+        for name in ("sigma_px", "sigma_mm"):
+            if (value := getattr(self, name)) is not None:
+                self._keep(name, positive_number(name, value))
+        self._keep("confidence", positive_number("confidence", self.confidence))
+        if self.confidence >= 1:
+            raise InputError(f"confidence must be below 1; got {self.confidence}")
+        for name, least, most in (
+            ("max_samples", 1, MOST_SAMPLES),
+            ("exhaustive_samples", 0, MOST_COMBINATIONS),
+            ("seed", 0, 2**64 - 1),
+        ):
+            self._keep(name, whole_number(name, getattr(self, name), least, most))
+
+    def to_core(self, level_px: float, level_mm: float) -> _core.Options:
+        """The options as the core takes them, with noise levels of 0 where they are to be estimated."""
+        return _core.Options(
+            model=self.model,
+            weighting=self.weighting,
+            threshold=0.0 if self.threshold_mm == "auto" else self.threshold_mm,
+            level_px=level_px,
+            level_mm=level_mm,
+            confidence=self.confidence,
+            max_samples=self.max_samples,
+            exhaustive_samples=self.exhaustive_samples,
+            seed=self.seed,
+        )
+
+    def _keep(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+
+def positive_number(name: str, value: Any, *, or_infinite: bool = False) -> float:
+    """A positive finite number as a float, whatever type of number it came as; True is none.
+
+    Raises:
+        InputError: it is no such number.
+    """
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not (number and value > 0 and (or_infinite or isfinite(value))):
+        raise InputError(f"{name} must be a positive number; got {value}")
+    return float(value)
+
+
+def whole_number(name: str, value: Any, least: int, most: int) -> int:
+    """A whole number between two as an int, whatever type of number it came as; True is none.
+
+    Raises:
+        InputError: it is no such number.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise InputError(f"{name} must be a whole number from {least} to {most}; got {value}")
+    return int(value)

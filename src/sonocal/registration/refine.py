@@ -7,21 +7,15 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import AxisScaled
-from sonocal.registration.fit import Fit, Model, Weighting, fit_of
-from sonocal.registration.rows import PointLineRows, transform_arrays
+from sonocal.registration.fit import Fit, fit_of
+from sonocal.registration.options import Options
+from sonocal.registration.rows import PointLineRows, to_core
 
 __all__ = ["refine_point_lines"]
 
 
 def refine_point_lines(
-    start: AxisScaled,
-    rows: PointLineRows,
-    chosen: NDArray[np.bool_] | None = None,
-    *,
-    model: Model = "similarity",
-    weighting: Weighting = "likelihood",
-    sigma_px: float | None = None,
-    sigma_mm: float | None = None,
+    start: AxisScaled, rows: PointLineRows, chosen: NDArray[np.bool_] | None, options: Options
 ) -> Fit:
     """The best transform near a start, on chosen rows; what is minimised is said at `fit_point_lines`.
 
@@ -32,11 +26,8 @@ def refine_point_lines(
     Args:
         start: mm from px.
         rows: points and lines.
-        chosen: (N,), the rows to fit; default: all.
-        model: one scale, or one along u and one along v.
-        weighting: what to minimise.
-        sigma_px: noise of a point along every axis, px, where known.
-        sigma_mm: noise of a segment's end point along every axis, mm, where known.
+        chosen: (N,), the rows to fit; None: all.
+        options: model, weighting and what is known of the noise; the rest is for who looks for a start.
 
     Returns:
         The fit; `Fit.converged` says whether it came to rest.
@@ -44,18 +35,5 @@ def refine_point_lines(
     Source: paper section 8; Golub and Pereyra 1973.
     """
     chosen = np.ones(len(rows), dtype=bool) if chosen is None else np.ascontiguousarray(chosen)
-    found = _core.refine(
-        rows.points,
-        rows.segments_mm,
-        rows.codes(),
-        rows.sigma_px,
-        rows.sigma_mm,
-        chosen,
-        *transform_arrays(start),
-        dimension=rows.dimension,
-        model=model,
-        weighting=weighting,
-        level_px=rows.level_px(sigma_px),
-        level_mm=rows.level_mm(sigma_mm),
-    )
-    return fit_of(found, model, weighting, chosen)
+    found = _core.refine(rows.core, chosen, to_core(start), rows.core_options(options))
+    return fit_of(found, options, chosen)

@@ -17,7 +17,8 @@ from sonocal.registration.degeneracy import (
     refuse_degenerate_lines,
     refuse_free_motion,
 )
-from sonocal.registration.fit import Fit, Weighting
+from sonocal.registration.fit import Fit
+from sonocal.registration.options import Options, Weighting
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 
@@ -95,79 +96,54 @@ def register(
 
     Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
     """
+    options = Options(
+        weighting=weighting,
+        threshold_mm=threshold_mm if robust else np.inf,
+        sigma_px=sigma_px,
+        sigma_mm=sigma_mm,
+        confidence=confidence,
+        max_samples=max_samples,
+        seed=seed,
+    )
     _refuse_few(constraints)
     if constraints.lines is not None and refine:
-        return _register_lines(
-            constraints.lines,
-            weighting=weighting,
-            threshold_mm=threshold_mm if robust else np.inf,
-            sigma_px=sigma_px,
-            sigma_mm=sigma_mm,
-            confidence=confidence,
-            max_samples=max_samples,
-            seed=seed,
-        )
+        return _register_lines(constraints.lines, options)
+    return _register_mix(constraints, options, refine=refine)
+
+
+def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Registration:
+    threshold_mm = options.threshold_mm
     if threshold_mm == "auto":
         raise InputError(
             'threshold_mm="auto" needs points or lines on lines alone; give a mix a threshold in mm'
         )
-    rotation, translation, scale, squares, inliers, samples, found, converged = (
-        _core.estimate_correspondences(
-            constraints.points,
-            constraints.planes,
-            constraints.first,
-            threshold_mm=threshold_mm if robust else np.inf,
-            refine=refine,
-            confidence=confidence,
-            max_samples=max_samples,
-            seed=seed,
-        )
-    )
-    if not found:
+    found = _core.estimate_correspondences(constraints.core, options.to_core(0, 0), refine=refine)
+    if not found.found:
         _refuse_free(constraints)
         raise NoConsensusError("no minimal sample of the correspondences has a similarity", best_count=0)
-    similarity = Similarity(rotation, translation, scale)
-    inlier = squares <= (threshold_mm if robust else np.inf) ** 2
+    similarity = Similarity(found.rotation, found.translation, found.scales[0])
+    inlier = found.residuals_mm <= threshold_mm
     chosen = np.repeat(inlier, np.diff(constraints.first))
     if chosen.sum() < PARAMETERS:
         raise NoConsensusError(
-            f"no similarity brings more than {inliers} of {len(inlier)} correspondences within "
+            f"no similarity brings more than {found.inliers} of {len(inlier)} correspondences within "
             f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
-            best_count=inliers,
+            best_count=found.inliers,
         )
     return Registration(
         target_from_source=similarity,
         covariance=_covariance(constraints.points[chosen], constraints.planes[chosen], similarity),
-        residuals_mm=np.sqrt(squares),
+        residuals_mm=found.residuals_mm,
         inlier=inlier,
-        threshold_mm=float(threshold_mm),
-        samples=samples,
-        converged=converged,
+        threshold_mm=threshold_mm,
+        samples=found.samples,
+        converged=found.converged,
     )
 
 
-def _register_lines(
-    lines: PointLineRows,
-    *,
-    weighting: Weighting,
-    threshold_mm: float | Literal["auto"],
-    sigma_px: float | None,
-    sigma_mm: float | None,
-    confidence: float,
-    max_samples: int,
-    seed: int,
-) -> Registration:
+def _register_lines(lines: PointLineRows, options: Options) -> Registration:
     try:
-        fit = fit_point_lines(
-            lines,
-            weighting=weighting,
-            threshold_mm=threshold_mm,
-            sigma_px=sigma_px,
-            sigma_mm=sigma_mm,
-            confidence=confidence,
-            max_samples=max_samples,
-            seed=seed,
-        )
+        fit = fit_point_lines(lines, options)
     except NoConsensusError:
         refuse_degenerate_lines(lines.points, lines.segments_mm, lines.dimension)
         raise

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -11,7 +10,8 @@ from sonocal import _core
 from sonocal.errors import NoConsensusError
 from sonocal.geometry import Similarity
 from sonocal.registration.constraints import planes_of_lines
-from sonocal.registration.fit import Fit, Model, Weighting, away_from_lines, fit_of
+from sonocal.registration.fit import Fit, away_from_lines, fit_of
+from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.rows import PointLineRows
 
@@ -28,19 +28,7 @@ CHANCE_SHIFTS = 12
 CHANCE_ROWS = 5000
 
 
-def fit_point_lines(
-    rows: PointLineRows,
-    *,
-    model: Model = "similarity",
-    weighting: Weighting = "likelihood",
-    threshold_mm: float | Literal["auto"] = 5.0,
-    sigma_px: float | None = None,
-    sigma_mm: float | None = None,
-    confidence: float = 0.9999,
-    max_samples: int = 10_000,
-    exhaustive_samples: int = 200,
-    seed: int = 0,
-) -> Fit:
+def fit_point_lines(rows: PointLineRows, options: Options) -> Fit:
     """The transform that most points agree with, refined on those that do.
 
     Samples are four points (2D, paper section 6.2) or two lines of two points each (3D, closed form of
@@ -59,16 +47,9 @@ def fit_point_lines(
 
     Args:
         rows: points and lines.
-        model: one scale, or one along u and one along v (2D only).
-        weighting: what to minimise.
-        threshold_mm: rows within this distance agree (paper section 9: 5 mm); "auto": 3.3 standard deviations
-            of the noise, itself from the median distance, while more than half of the rows are sound.
-        sigma_px: noise of a point along every axis, px, where known; a factor of the rows' own column.
-        sigma_mm: noise of a segment's end point along every axis, mm, where known; likewise.
-        confidence: of having drawn a sample without outliers.
-        max_samples: random samples at the most.
-        exhaustive_samples: up to this many combinations are all tried.
-        seed: of the random samples.
+        options: how to fit; rows within `Options.threshold_mm` agree (paper section 9: 5 mm); "auto": 3.3
+            standard deviations of the noise, itself from the median distance, while more than half of the rows are
+            sound.
 
     Returns:
         The fit.
@@ -80,93 +61,46 @@ def fit_point_lines(
     Source: paper sections 6.2, 8 and 9; MSAC: Torr and Zisserman 2000; local optimisation: Chum, Matas and
         Kittler 2003; noise levels: Gilmour, Thompson and Cullis 1995.
     """
-    found = _core.estimate(
-        rows.points,
-        rows.segments_mm,
-        rows.codes(),
-        rows.frame,
-        rows.target,
-        rows.sigma_px,
-        rows.sigma_mm,
-        dimension=rows.dimension,
-        model=model,
-        weighting=weighting,
-        threshold_mm=0.0 if threshold_mm == "auto" else threshold_mm,
-        level_px=rows.level_px(sigma_px),
-        level_mm=rows.level_mm(sigma_mm),
-        confidence=confidence,
-        max_samples=max_samples,
-        exhaustive_samples=exhaustive_samples,
-        seed=seed,
-    )
+    found = _core.estimate(rows.core, rows.core_options(options))
     missed = not found.found or found.inliers < min(MINIMAL_ROWS + 1, len(rows))
-    if rows.dimension == 3 and threshold_mm != "auto" and (missed or not found.least_information > COLLAPSED):
-        coplanar = _fit_coplanar(
-            rows,
-            model=model,
-            weighting=weighting,
-            threshold_mm=threshold_mm,
-            sigma_px=sigma_px,
-            sigma_mm=sigma_mm,
-            confidence=confidence,
-            max_samples=max_samples,
-            seed=seed,
-        )
-        if coplanar is not None:
-            return coplanar
+    meeting = rows.dimension == 3 and (missed or not found.least_information > COLLAPSED)
+    if meeting and options.threshold_mm != "auto" and (coplanar := _fit_coplanar(rows, options)) is not None:
+        return coplanar
     if missed:
         raise NoConsensusError(
             f"no calibration brings more than {found.inliers} of {len(rows)} rows within "
-            f"{found.threshold_mm:.3g} mm of their lines, and any {MINIMAL_ROWS} rows can be fitted; check that rows "
+            f"{found.threshold:.3g} mm of their lines, and any {MINIMAL_ROWS} rows can be fitted; check that rows "
             "are matched to the right needle poses and that segments are in the probe marker's frame in mm",
             best_count=found.inliers,
         )
-    fit = fit_of(found, model, weighting, found.residuals_mm <= found.threshold_mm)
+    fit = fit_of(found, options, found.residuals_mm <= found.threshold)
     if 2 * found.inliers < len(rows):
         _refuse_chance(rows, fit)
     return fit
 
 
-def _fit_coplanar(
-    rows: PointLineRows,
-    *,
-    model: Model,
-    weighting: Weighting,
-    threshold_mm: float,
-    sigma_px: float | None,
-    sigma_mm: float | None,
-    confidence: float,
-    max_samples: int,
-    seed: int,
-) -> Fit | None:
+def _fit_coplanar(rows: PointLineRows, options: Options) -> Fit | None:
     """The fit of a 3D probe's lines of which any two meet: samples of point-plane rows determine it still."""
     assert rows.sightings is not None
+    assert options.threshold_mm != "auto"
     order = np.argsort(rows.sightings, kind="stable")
     first = np.concatenate([[0], 2 * np.cumsum(np.bincount(rows.sightings))]).astype(np.int32)
-    rotation, translation, scale, _, inliers, samples, found, _ = _core.estimate_correspondences(
-        np.repeat(rows.points[order], 2, axis=0),
-        planes_of_lines(rows.segments_mm[order]).reshape(-1, 4),
-        first,
-        threshold_mm=threshold_mm,
-        refine=True,
-        confidence=confidence,
-        max_samples=max_samples,
-        seed=seed,
+    planes = planes_of_lines(rows.segments_mm[order]).reshape(-1, 4)
+    found = _core.estimate_correspondences(
+        _core.Table.of_planes(np.repeat(rows.points[order], 2, axis=0), planes, first),
+        rows.core_options(options),
     )
-    if not found or inliers < COPLANAR_LINES:
+    if not found.found or found.inliers < COPLANAR_LINES:
         return None
-    start = Similarity(rotation, translation, scale)
+    start = Similarity(found.rotation, found.translation, found.scales[0])
     away = np.linalg.norm(away_from_lines(start @ rows.points, rows.segments_mm), axis=1)
-    fit = refine_point_lines(
-        start,
-        rows,
-        away <= threshold_mm,
-        model=model,
-        weighting=weighting,
-        sigma_px=sigma_px,
-        sigma_mm=sigma_mm,
+    fit = refine_point_lines(start, rows, away <= options.threshold_mm, options)
+    return replace(
+        fit,
+        threshold_mm=options.threshold_mm,
+        samples=found.samples,
+        inlier=fit.residuals_mm <= options.threshold_mm,
     )
-    return replace(fit, threshold_mm=threshold_mm, samples=samples, inlier=fit.residuals_mm <= threshold_mm)
 
 
 def _refuse_chance(rows: PointLineRows, fit: Fit) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal import _core
+from sonocal.errors import InputError
 from sonocal.geometry import Array, AxisScaled
+from sonocal.registration.options import Options
 
-__all__ = ["PointLineRows"]
+__all__ = ["PointLineRows", "to_core"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +41,22 @@ class PointLineRows:
     def __len__(self) -> int:
         return len(self.points)
 
-    def codes(self) -> NDArray[np.int32] | None:
-        """Sightings as the core takes them: a 2D image sees a line as one point, every row is its own."""
-        return self.sightings if self.dimension == 3 else None
+    @cached_property
+    def core(self) -> _core.Table:
+        """The rows as the core keeps them, checked once; every row of a 2D image is a sighting of its own."""
+        try:
+            return _core.Table.of_lines(
+                self.points,
+                self.segments_mm,
+                self.sightings if self.dimension == 3 else None,
+                self.frame,
+                self.target,
+                self.sigma_px,
+                self.sigma_mm,
+                dimension=self.dimension,
+            )
+        except ValueError as error:
+            raise InputError(f"the rows cannot be fitted: {error}") from None
 
     def select(self, chosen: NDArray[np.bool_]) -> PointLineRows:
         """The rows of a mask; sightings are counted from 0 again."""
@@ -51,8 +68,8 @@ class PointLineRows:
             segments_mm=self.segments_mm[chosen],
             dimension=self.dimension,
             sightings=sightings,
-            frame=None if self.frame is None else self.frame[chosen],
-            target=None if self.target is None else self.target[chosen],
+            frame=None if self.frame is None else _counted(self.frame[chosen]),
+            target=None if self.target is None else _counted(self.target[chosen]),
             sigma_px=None if self.sigma_px is None else self.sigma_px[chosen],
             sigma_mm=None if self.sigma_mm is None else self.sigma_mm[chosen],
         )
@@ -65,11 +82,19 @@ class PointLineRows:
         """The core's level of segment noise; as `level_px`."""
         return sigma_mm or (0.0 if self.sigma_mm is None else 1.0)
 
+    def core_options(self, options: Options) -> _core.Options:
+        """The options as the core takes them for these rows."""
+        return options.to_core(self.level_px(options.sigma_px), self.level_mm(options.sigma_mm))
 
-def transform_arrays(transform: AxisScaled) -> tuple[Array, Array, Array]:
-    """Rotation, translation and scales as the core takes them."""
-    return (
+
+def to_core(transform: AxisScaled) -> _core.Transform:
+    """A transform as the core takes it."""
+    return _core.Transform(
         np.ascontiguousarray(transform.rotation),
         np.ascontiguousarray(transform.translation),
         np.ascontiguousarray(transform.scales),
     )
+
+
+def _counted(codes: NDArray[np.int32]) -> NDArray[np.int32]:
+    return np.unique(codes, return_inverse=True)[1].reshape(-1).astype(np.int32)

@@ -322,7 +322,9 @@ def _call(
 ) -> Any:
     try:
         return core(*arrays, *options)
-    except ValueError:
+    except ValueError as error:
+        if str(error) not in ("shape", "batch"):  # the options', whose sentence says all
+            raise InputError(str(error)) from None
         raise InputError(
             f"expected {names[0]} and {names[1]} with the same leading axes; "
             f"got {arrays[0].shape} and {arrays[1].shape}"

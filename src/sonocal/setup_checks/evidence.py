@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
-from sonocal.registration.fit import Model
 from sonocal.registration.mapped import MappedRows
+from sonocal.registration.options import Model
 from sonocal.registration.rows import PointLineRows
 
 __all__ = ["Evidence"]

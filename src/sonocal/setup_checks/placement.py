@@ -74,7 +74,7 @@ def _scale_deviation(covariance: Array | None) -> Array:
 
 
 def check_flip(
-    evidence: Evidence, *, expected: ArrayLike | None = None, marker_above_image: bool = False
+    evidence: Evidence, *, expected_rotation: ArrayLike | None = None, marker_above_image: bool = False
 ) -> Iterator[Diagnostic]:
     """Is the image the right way round?
 
@@ -83,15 +83,15 @@ def check_flip(
 
     Args:
         evidence: the calibration and its rows.
-        expected: (3, 3): roughly, the directions of u, v and their normal in the marker's frame, as columns, such
-            as the rotation of an earlier calibration of this probe and marker.
+        expected_rotation: (3, 3): roughly, the directions of u, v and their normal in the marker's frame, as columns,
+            such as the rotation of an earlier calibration of this probe and marker.
         marker_above_image: the marker is fixed to the probe's handle, so it must lie beyond the image's upper
             half (v small), not below.
     """
     if evidence.table.dimension == 3:
         yield from _check_mirrored_volume(evidence)
-    if expected is not None:
-        yield from _check_orientation(evidence, np.asarray(expected, dtype=float))
+    if expected_rotation is not None:
+        yield from _check_orientation(evidence, np.asarray(expected_rotation, dtype=float))
     elif marker_above_image:
         yield from _check_marker_side(evidence)
 
@@ -120,7 +120,7 @@ def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
 def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnostic]:
     if expected.shape != (3, 3):
         raise InputError(
-            f"expected must be the directions of u, v and normal, shape (3, 3); got {expected.shape}"
+            f"expected_rotation must be the directions of u, v and normal, shape (3, 3); got {expected.shape}"
         )
     turn = expected.T @ evidence.transform.rotation
     for what, flip in FLIPS.items():

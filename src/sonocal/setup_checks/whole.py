@@ -20,7 +20,7 @@ def check_setup(
     evidence: Evidence,
     *,
     scanner_mm_per_px: float | tuple[float, float] | None = None,
-    expected: ArrayLike | None = None,
+    expected_rotation: ArrayLike | None = None,
     marker_above_image: bool = False,
     tracker_from_probe: Array | None = None,
     seed: int = 0,
@@ -30,7 +30,7 @@ def check_setup(
     Args:
         evidence: the calibration and the rows it was fitted to, outliers included.
         scanner_mm_per_px: what the scanner says, one number or one along u and one along v.
-        expected: (3, 3): roughly, the directions of u, v and their normal in the marker's frame.
+        expected_rotation: (3, 3): roughly, the directions of u, v and their normal in the marker's frame.
         marker_above_image: the marker is fixed to the handle, beyond the upper half of the image.
         tracker_from_probe: (N, 4, 4): the probe's pose at each row.
         seed: of the random orders that a slip is compared with.
@@ -39,7 +39,7 @@ def check_setup(
         The findings; anisotropy is among those of the calibration itself.
     """
     findings = [
-        *check_flip(evidence, expected=expected, marker_above_image=marker_above_image),
+        *check_flip(evidence, expected_rotation=expected_rotation, marker_above_image=marker_above_image),
         *check_needle_end(evidence),
         *_over_time(evidence, seed),
     ]

@@ -11,6 +11,7 @@ from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import FREE_INFORMATION, refuse_degenerate_lines
+from sonocal.registration.options import Options, Weighting
 from sonocal.registration.refine import refine_point_lines
 from sonocal.validation.quantity import Quantity, rms_quantity
 
@@ -101,13 +102,9 @@ def refitted(calibration: Calibration, rows: Observations, keep: NDArray[np.bool
     if 2 * np.count_nonzero(keep) < 7 + (calibration.model == "anisotropic"):
         raise InputError(f"{rows.source}: {np.count_nonzero(keep)} rows are left, too few to fit")
     refuse_degenerate_lines(points[keep], rows.segments_mm[keep], rows.dimension)
-    fit = refine_point_lines(
-        calibration.probe_from_image,
-        point_line_rows(rows),
-        keep,
-        model=calibration.model,
-        weighting="geometric" if calibration.noise.sigma_px is None else "likelihood",
-    )
+    weighting: Weighting = "geometric" if calibration.noise.sigma_px is None else "likelihood"
+    options = Options(model=calibration.model, weighting=weighting)
+    fit = refine_point_lines(calibration.probe_from_image, point_line_rows(rows), keep, options)
     if not fit.least_information > FREE_INFORMATION:
         raise DegenerateGeometryError(
             f"{rows.source}: the {np.count_nonzero(keep)} rows that are left leave a motion of the image free; "

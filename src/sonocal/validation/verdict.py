@@ -1,4 +1,4 @@
-"""The verdict in words: use it, use it with care, do not use it."""
+"""The one verdict: use it, use it with care, do not use it; and why."""
 
 from __future__ import annotations
 
@@ -22,7 +22,12 @@ SPOILING = {
 }
 # Beyond this many times what the user accepts, care does not help.
 HOPELESS = 3.0
-TOLERANCE_MM = 2.0
+# Codes of reasons that are no findings.
+NO_PREDICTION, HOPELESS_ERROR = "no-predicted-error", "predicted-error-beyond-tolerance"
+
+
+Level = Literal["use", "care", "stop"]
+HEADLINES: dict[Level, str] = {"use": "Use it", "care": "Use it with care", "stop": "Do not use it"}
 
 
 @dataclass(frozen=True)
@@ -34,51 +39,58 @@ class Verdict:
         headline: the verdict in two or three words.
         expectation: what error to expect, in one sentence.
         reasons: why it is not better, each a sentence without its full stop.
+        codes: of the reasons, in their order, for programs.
     """
 
-    level: Literal["use", "care", "stop"]
+    level: Level
     headline: str
     expectation: str
-    reasons: tuple[str, ...]
+    reasons: tuple[str, ...] = ()
+    codes: tuple[str, ...] = ()
+
+    @property
+    def remark(self) -> str:
+        """The verdict in one line, for a file's comment."""
+        why = f" ({', '.join(self.codes)})" if self.codes else ""
+        return f"sonocal's verdict: {self.headline}{why}. {self.expectation}"
 
 
 def give_verdict(calibration: Calibration, validation: Validation | None = None) -> Verdict:
-    """Weigh the predicted error, the findings and, where there are held-out rows, their error."""
-    findings = [*calibration.warnings]
-    findings += [d for d in (validation.diagnostics if validation else ()) if d.severity == "warning"]
-    reasons = [_sentence(finding) for finding in findings]
+    """Weigh the predicted error and the findings: the same wherever a calibration is shown.
+
+    Args:
+        calibration: with what it says of itself: its fit, its set-up, its held-out rows.
+        validation: what other rows say of it.
+    """
+    warnings = [*calibration.warnings]
+    warnings += [d for d in (validation.diagnostics if validation else ()) if d.severity == "warning"]
+    why = [(finding.code, _sentence(finding)) for finding in warnings]
     if calibration.covariance is None:
-        return Verdict("stop", "Do not use it", "No error can be predicted.", tuple(reasons))
+        why.insert(0, (NO_PREDICTION, "no row is left over to tell how far off it is"))
+        return _verdict("stop", "No error can be predicted.", why)
     below = calibration.predicted_errors()[2]
     worst, centre = float(below[:-1].max()), float(below[-1])
     expectation = (
         f"Expect errors of the calibration up to {worst:.1f} mm at the image's corners and {centre:.1f} mm at its "
         "centre (95 %)."
     )
-    tolerance = float(calibration.provenance.get("options", {}).get("tolerance_mm", TOLERANCE_MM))
-    if worst > HOPELESS * tolerance:
-        reasons.insert(0, f"the predicted error is over {HOPELESS:g} times the {tolerance:g} mm accepted")
-    if reasons and (worst > HOPELESS * tolerance or SPOILING & {d.code for d in findings}):
-        return Verdict("stop", "Do not use it", expectation, tuple(reasons))
-    surprise = _surprise(calibration, validation)
-    reasons += [surprise] if surprise else []
-    if reasons:
-        return Verdict("care", "Use it with care", expectation, tuple(reasons))
-    return Verdict("use", "Use it", expectation, ())
+    tolerance = calibration.options.tolerance_mm
+    hopeless = not worst <= HOPELESS * tolerance
+    if hopeless:
+        why.insert(
+            0,
+            (
+                HOPELESS_ERROR,
+                f"the predicted error is over {HOPELESS:g} times the {tolerance:g} mm accepted",
+            ),
+        )
+    spoilt = any(code in SPOILING for code, _ in why)
+    return _verdict("stop" if hopeless or spoilt else "care" if why else "use", expectation, why)
 
 
-def _surprise(calibration: Calibration, validation: Validation | None) -> str | None:
-    """Held-out rows that are further off than the fit and its uncertainty explain."""
-    held = next((q for q in validation.quantities if q.code == "held-out"), None) if validation else None
-    if held is None:
-        return None
-    expected = (calibration.fit.rms_mm**2 + float(calibration.predicted_errors()[1].max()) ** 2) ** 0.5
-    if not held.low_mm > expected:
-        return None
-    return (
-        f"held-out rows are off by {held.value_mm:.2f} mm rms (at least {held.low_mm:.2f}), where the fit and its "
-        f"uncertainty explain {expected:.2f} mm"
-    )
+def _verdict(level: Level, expectation: str, why: list[tuple[str, str]]) -> Verdict:
+    codes, reasons = tuple(code for code, _ in why), tuple(reason for _, reason in why)
+    return Verdict(level, HEADLINES[level], expectation, reasons, codes)
 
 
 def _sentence(finding: Diagnostic) -> str:

@@ -115,7 +115,7 @@ def validate(
         *check_setup(
             evidence_of(calibration, given_rows(calibration, observations)),
             scanner_mm_per_px=scanner_mm_per_px,
-            expected=expected_rotation,
+            expected_rotation=expected_rotation,
             seed=calibration.options.seed,
         ),
     ]

@@ -14,11 +14,13 @@ from sonocal.calibration import Calibration, ErrorStatistics
 from sonocal.cli.screen.parts import (
     number_table,
     print_findings,
+    verdict_text,
 )
 from sonocal.geometry import segment_directions, similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
 from sonocal.simulation.scene import SimulatedSightings
+from sonocal.validation import give_verdict
 
 __all__ = ["observation_splits", "print_calibration", "print_observations", "print_truth"]
 
@@ -26,9 +28,11 @@ __all__ = ["observation_splits", "print_calibration", "print_observations", "pri
 def print_calibration(console: Console, calibration: Calibration) -> None:
     """Warnings, verdict, errors, matrix, findings."""
     print_findings(console, calibration.warnings)
-    console.print(_verdict(calibration))
+    console.print(verdict_text(give_verdict(calibration)))
     console.print()
     console.print(_error_table(calibration))
+    console.print("These say how well rows agree, not how well the image is placed.")
+    console.print()
     if calibration.covariance is not None:
         console.print(_prediction_table(calibration))
     console.print(_matrix(calibration))
@@ -92,17 +96,6 @@ def observation_splits(observations: Observations) -> list[dict[str, Any]]:
         }
         for name, part in parts.items()
     ]
-
-
-def _verdict(calibration: Calibration) -> Text:
-    if calibration.covariance is None:
-        return Text("Do not rely on it: no error can be predicted.", style="bold red")
-    worst = calibration.predicted_errors()[2].max()
-    trust = f"expect errors up to {worst:.1f} mm (95 %) at the image corners"
-    if calibration.warnings:
-        return Text(f"Use with care: {trust}; the warnings say why it may be more.", style="bold yellow")
-    why = f"; the fit's {calibration.fit.rms_mm:.2f} mm is how well rows agree, not how well the image is placed"
-    return Text(f"Sound: {trust}", style="bold green") + Text(why, style="default")
 
 
 def _error_table(calibration: Calibration) -> Table:

@@ -11,8 +11,18 @@ from rich.table import Table
 from rich.text import Text
 
 from sonocal.findings import Diagnostic
+from sonocal.validation import Verdict
 
-__all__ = ["finding", "number_table", "print_findings"]
+__all__ = ["finding", "number_table", "print_findings", "verdict_text"]
+
+COLOURS = {"use": "green", "care": "yellow", "stop": "red"}
+
+
+def verdict_text(verdict: Verdict) -> Text:
+    """The verdict and what to expect; the findings beside it are its reasons."""
+    text = Text(verdict.headline + ". ", style=f"bold {COLOURS[verdict.level]}")
+    text.append(verdict.expectation, style="default not bold")
+    return text
 
 
 def finding(found: Diagnostic) -> RenderableType:

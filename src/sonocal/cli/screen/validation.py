@@ -13,26 +13,24 @@ from sonocal.calibration import Calibration
 from sonocal.cli.screen.parts import (
     number_table,
     print_findings,
+    verdict_text,
 )
 from sonocal.validation import (
     Comparison,
     PointSightings,
     Quantity,
     Validation,
-    Verdict,
     give_verdict,
 )
 
 __all__ = ["print_point_sightings", "print_validation"]
-
-COLOURS = {"use": "green", "care": "yellow", "stop": "red"}
 
 
 def print_validation(
     console: Console, calibration: Calibration, validation: Validation, comparison: Comparison | None = None
 ) -> None:
     """Verdict, numbers, comparison, findings."""
-    console.print(_verdict(give_verdict(calibration, validation)))
+    console.print(verdict_text(give_verdict(calibration, validation)))
     console.print()
     if validation.quantities:
         console.print(_numbers(validation))
@@ -54,12 +52,6 @@ def print_point_sightings(console: Console, points: PointSightings) -> None:
     console.print(table)
     known = {"places": points.points_mm, "poses of the probe": points.tracker_from_probe}
     console.print("With " + " and ".join(name for name, given in known.items() if given is not None) + ".")
-
-
-def _verdict(verdict: Verdict) -> Text:
-    text = Text(verdict.headline + ". ", style=f"bold {COLOURS[verdict.level]}")
-    text.append(verdict.expectation, style="default not bold")
-    return text
 
 
 def _numbers(validation: Validation) -> Table:

@@ -1,0 +1,24 @@
+// Maximum likelihood: every residual weighted by what pixel noise and tracking noise make of it.
+#pragma once
+
+#include "sonocal/estimate/noise_model.hpp"
+#include "sonocal/estimate/refine.hpp"
+
+namespace sonocal {
+
+struct LikelihoodFit {
+  Transform transform;
+  NoiseLevels levels;         // px, mm
+  TangentMatrix information;  // J' V^-1 J at the transform, normalised tangent
+  bool converged = false;
+};
+
+// From a start to the maximum of the likelihood. A level that is zero is estimated, by restricted maximum
+// likelihood; one that is not is taken as known.
+LikelihoodFit maximise_likelihood(const NoiseModel& noise, const Transform& start, Model model,
+                                  NoiseLevels known);
+
+// -2 log likelihood of the rows, but for a constant.
+double deviance(const NoiseModel& noise, const Transform& at, NoiseLevels levels);
+
+}  // namespace sonocal

@@ -1,0 +1,141 @@
+#include "sonocal/estimate/refine.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "sonocal/linalg/ldlt.hpp"
+#include "sonocal/linalg/small.hpp"
+
+namespace sonocal {
+
+namespace {
+
+constexpr double kFirstDamping = 1e-4;
+constexpr double kSmallestDamping = 1e-12;
+constexpr double kLargestDamping = 1e12;
+// Parameters are of order one (normalised coordinates): a step below this moves nothing.
+constexpr double kConvergedStep = 1e-11;
+// Of the translation's greatest information: a direction with less is free.
+constexpr double kFree = 1e-13;
+
+// h^-1 b for a symmetric positive h, the pseudo-inverse where a direction is free.
+template <int kCount>
+Eigen::Matrix<double, 3, kCount> solve_symmetric(const Matrix3d& h,
+                                                 const Eigen::Matrix<double, 3, kCount>& b) {
+  const Ldlt<3> factors(h);
+  if (factors.least_pivot() > kFree * factors.greatest_pivot()) return factors.solve(b);
+  const SymmetricEigen eigen = symmetric_eigen(h);
+  Matrix3d inverse = Matrix3d::Zero();
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d v = eigen.vectors.col(i);
+    if (eigen.values[i] > kFree * eigen.values[2]) inverse += v * v.transpose() / eigen.values[i];
+  }
+  return inverse.lazyProduct(b);
+}
+
+// The cost at the best translation for every rotation and scale: residuals are linear in the translation, so
+// it follows from the columns s of R diag(scales) in closed form,
+//
+//     t(s) = t0 - H_tt^-1 (g_t + H_tt t0 + H_ts s),
+//
+// and only rotation and scale are left to search (variable projection, Golub and Pereyra 1973). Along a
+// direction that no row sees the translation stays what it was, t0.
+template <int kColumns>
+class RotationScaleCost {
+ public:
+  static constexpr int kSize = 3 * kColumns;
+  using Vector = Columns<kColumns>;
+  using Square = Eigen::Matrix<double, kSize, kSize>;
+
+  RotationScaleCost(const NormalEquations& all, const Vector3d& t0) {
+    const Matrix3d h_tt = all.h().template bottomRightCorner<3, 3>();
+    const Eigen::Matrix<double, 3, kSize> h_ts = all.h().template block<3, kSize>(9, 0);
+    const Vector3d g_t = all.g().template tail<3>();
+    by_columns_ = solve_symmetric<kSize>(h_tt, h_ts);
+    constant_ = t0 - solve_symmetric<1>(h_tt, g_t + h_tt * t0);
+    h_ = all.h().template topLeftCorner<kSize, kSize>() - h_ts.transpose().lazyProduct(by_columns_);
+    g_ = all.g().template head<kSize>() + h_ts.transpose() * constant_;
+    c_ = all.c() + g_t.dot(constant_);
+  }
+
+  double at(const Vector& s) const { return s.dot(h_.lazyProduct(s) + 2.0 * g_) + c_; }
+
+  // J'J and J'r by (turn, log scales).
+  template <int kScales>
+  void linearise(const Vector& s, Eigen::Matrix<double, 3 + kScales, 3 + kScales>& jtj,
+                 Eigen::Matrix<double, 3 + kScales, 1>& jtr) const {
+    const auto d = columns_jacobian<kColumns, kScales>(s);
+    const Eigen::Matrix<double, kSize, 3 + kScales> hd = h_.lazyProduct(d);
+    jtj = d.transpose().lazyProduct(hd);
+    const Vector gradient = h_.lazyProduct(s) + g_;
+    jtr = d.transpose().lazyProduct(gradient);
+  }
+
+  Vector3d translation(const Vector& s) const { return constant_ - by_columns_ * s; }
+
+ private:
+  Square h_;
+  Vector g_;
+  double c_;
+  Eigen::Matrix<double, 3, kSize> by_columns_;
+  Vector3d constant_;
+};
+
+template <int kColumns, int kScales>
+Refinement descend(const NormalEquations& equations, const Transform& start, int max_iterations) {
+  constexpr int kParameters = 3 + kScales;
+  const RotationScaleCost<kColumns> cost(equations, start.translation);
+  auto columns = columns_of<kColumns>(start);
+  Refinement result{start, cost.at(columns), 0, false};
+  Eigen::Matrix<double, kParameters, kParameters> jtj, damped;
+  Eigen::Matrix<double, kParameters, 1> jtr, step;
+  Eigen::Matrix<double, 6 + kScales, 1> tangent = Eigen::Matrix<double, 6 + kScales, 1>::Zero();
+  double damping = kFirstDamping;
+  // The quadratic form is exact to about its rounding error, not to zero; differences below it are noise.
+  const double rounding = 64 * std::numeric_limits<double>::epsilon() * (equations.rows() + 1);
+  bool stuck = false;
+  while (result.iterations < max_iterations && !result.converged && !stuck) {
+    ++result.iterations;
+    cost.template linearise<kScales>(columns, jtj, jtr);
+    while (true) {
+      damped = jtj;
+      damped.diagonal() *= 1.0 + damping;
+      step = -Ldlt<kParameters>(damped).solve(jtr);
+      tangent.template head<3>() = step.template head<3>();
+      tangent.template tail<kScales>() = step.template tail<kScales>();
+      const Transform next = retract<6 + kScales>(result.transform, tangent);
+      const auto next_columns = columns_of<kColumns>(next);
+      const double next_cost = cost.at(next_columns);
+      if (next_cost <= result.cost + rounding) {
+        result.transform = next;
+        result.cost = next_cost;
+        columns = next_columns;
+        result.converged = step.template lpNorm<Eigen::Infinity>() < kConvergedStep;
+        damping = std::fmax(damping * 0.1, kSmallestDamping);
+        break;
+      }
+      damping *= 10.0;
+      stuck = damping > kLargestDamping || !step.allFinite();
+      if (stuck) break;
+    }
+  }
+  result.transform.translation = cost.translation(columns);
+  return result;
+}
+
+}  // namespace
+
+bool ran_away(const Transform& a, const Transform& start) {
+  const Vector3d change = a.scales.cwiseQuotient(start.scales);
+  return !(change.minCoeff() > 1e-3 && change.maxCoeff() < 1e3 && a.translation.allFinite());
+}
+
+Refinement refine(const NormalEquations& equations, const Transform& start, Model model, int max_iterations) {
+  if (equations.dimension() == 2)
+    return model == Model::kSimilarity ? descend<2, 1>(equations, start, max_iterations)
+                                       : descend<2, 2>(equations, start, max_iterations);
+  return model == Model::kSimilarity ? descend<3, 1>(equations, start, max_iterations)
+                                     : descend<3, 2>(equations, start, max_iterations);
+}
+
+}  // namespace sonocal

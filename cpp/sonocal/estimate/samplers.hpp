@@ -1,0 +1,67 @@
+// Minimal samples of a table of sightings.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "sonocal/estimate/point_lines.hpp"
+#include "sonocal/estimate/sightings.hpp"
+#include "sonocal/robust/consensus.hpp"
+
+namespace sonocal {
+
+using Candidates = std::array<Transform, 4>;
+
+// What rows have in common: the image they are in and the needle or wire they are of; null: nothing known.
+struct Labels {
+  const std::int32_t* frame = nullptr;
+  const std::int32_t* target = nullptr;
+};
+
+// Four rows of a 2D probe.
+class FourRows {
+ public:
+  FourRows(const PointLines& rows, Labels labels);
+  int units() const { return rows_.size(); }
+  int sample_size() const { return 4; }
+  bool enumerable() const { return true; }
+  // Rows of one frame are nearly the same information, and so are rows of one wire: a sample takes
+  // different ones where there are enough.
+  void draw(Random& random, Sample& sample);
+  int solve(const Sample& sample, Random&, Candidates& out);
+
+ private:
+  // Samples are drawn and solved several at a time, side by side in vectors, and handed out one by one.
+  static constexpr int kAhead = 8;
+  bool repeats(const Sample& sample, int drawn, int candidate) const;
+  void draw_one(Random& random, Sample& sample) const;
+  void draw_ahead(Random& random);
+
+  const PointLines& rows_;
+  Labels labels_;
+  std::array<Sample, kAhead> samples_;
+  std::array<double, kAhead * 4 * 16> matrices_;
+  std::array<std::int64_t, kAhead> counts_;
+  int next_ = kAhead;
+  bool drawn_ = false;
+};
+
+// Two sightings of a 3D probe, two points of each.
+class TwoSightings {
+ public:
+  TwoSightings(const PointLines& rows, const Sightings& sightings);
+  int units() const { return static_cast<int>(lines_.size()); }
+  int sample_size() const { return 2; }
+  // With more than two points on a line the choice of the two is part of the sample.
+  bool enumerable() const { return pairs_only_; }
+  void draw(Random& random, Sample& sample) const;
+  int solve(const Sample& sample, Random& random, Candidates& out) const;
+
+ private:
+  const PointLines& rows_;
+  const Sightings& sightings_;
+  std::vector<int> lines_;  // sightings of two points or more
+  bool pairs_only_ = true;
+};
+
+}  // namespace sonocal

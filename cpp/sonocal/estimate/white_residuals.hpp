@@ -1,0 +1,24 @@
+// Residuals as a statistical model on top needs them.
+#pragma once
+
+#include <vector>
+
+#include "sonocal/estimate/table.hpp"
+
+namespace sonocal {
+
+// Residuals of the rows with chosen[i], made independent and of unit variance under the levels. Original
+// units.
+struct WhiteResiduals {
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian;  // M x k
+  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>
+      shift;  // M x 3: derivative by a shift of the line
+  // M x 2: derivative of the log of what was each residual's variance by the levels' squares, px^2 and mm^2.
+  Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> by_level;
+  Eigen::VectorXd residual;       // M
+  std::vector<std::int32_t> row;  // M: a table row of the sighting
+};
+WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Transform& at,
+                               const Options& options);
+
+}  // namespace sonocal
