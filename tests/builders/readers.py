@@ -31,21 +31,14 @@ from sonocal.targets import (
     read_points_toml,
 )
 from sonocal.validation import read_point_sightings
-from tests.broken.make_files import FILES
+from tests.builders.damaged import FILES
+from tests.builders.pictures import dicom_file, images
 from tests.builders.recordings import (
     random_poses,
     random_recording,
 )
-from tests.recording.formats.test_tables_and_images import (
-    dicom_file,
-    images,
-    matrices_in,
-    motive,
-)
-from tests.targets.test_device_set import PHANTOM
-from tests.tools.test_tools import LINE
-
-POINT = '[[point]]\nname = "tip"\nframe = "Stylus"\nat_mm = [0.0, 0.5, -150]\n'
+from tests.builders.tables import matrices_in, motive
+from tests.builders.targets import LINE, PHANTOM, POINT
 
 
 @dataclass(frozen=True)

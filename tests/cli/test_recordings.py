@@ -21,18 +21,12 @@ from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 from sonocal.targets import read_lines
-from tests.builders.readers import POINT
 from tests.builders.recordings import (
     random_poses,
     random_recording,
 )
-from tests.targets.test_device_set import PHANTOM
-from tests.tools.test_tools import (
-    AXIS,
-    TIP,
-    pivoting,
-    spinning,
-)
+from tests.builders.targets import PHANTOM, POINT
+from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
 
 
 def run(*arguments, width=80):

@@ -6,16 +6,7 @@ from sonocal.targets import (
     read_device_set,
     read_lines,
 )
-
-PHANTOM = """<PlusConfiguration version="2.1">
-  <CoordinateDefinitions>
-    <Transform From="Phantom" To="Reference" Matrix="1 0 0 5  0 1 0 0  0 0 1 0  0 0 0 1" />
-  </CoordinateDefinitions>
-  <PhantomDefinition><Geometry><Pattern Type="NWire">
-    <Wire Name="a" EndPointFront="0 0 0" EndPointBack="0 40 0" />
-  </Pattern></Geometry></PhantomDefinition>
-</PlusConfiguration>
-"""
+from tests.builders.targets import PHANTOM
 
 
 def test_transforms_and_wires_of_a_real_device_set(data_folder):
