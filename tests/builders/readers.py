@@ -15,8 +15,8 @@ from sonocal.calibration import (
     calibration_json,
     load_calibration,
 )
+from sonocal.cli.formats import kind_of
 from sonocal.export.plus import put_into_device_set
-from sonocal.files.kinds import kind_of
 from sonocal.observations import observations_csv
 from sonocal.recording import health
 from sonocal.recording.formats import (

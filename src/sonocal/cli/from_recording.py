@@ -53,7 +53,7 @@ def from_recording(
         recorded: options of recordings and of detection.
         options: of `sonocal.calibrate`.
     """
-    from sonocal.files.kinds import kind_of
+    from sonocal.cli.formats import kind_of
     from sonocal.observations import observations_csv, parse_observations
     from sonocal.recording.formats import read_recording
     from sonocal.targets import read_lines

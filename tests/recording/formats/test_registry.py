@@ -17,7 +17,9 @@ def test_files_of_other_kinds_are_refused(tmp_path):
         UnsupportedError, match="is XML, not a recording; a PLUS device set is given with --lines"
     ):
         read_recording(tmp_path / "a.xml")
-    with pytest.raises(UnsupportedError, match="is not a recording that sonocal reads"):
+    with pytest.raises(
+        UnsupportedError, match=r"is binary data and not a recording that sonocal reads; it reads \.mha, "
+    ):
         read_recording(tmp_path / "a.bin")
     with pytest.raises(InputError, match="is empty; record it again"):
         read_recording(tmp_path / "a.mha")

@@ -5,22 +5,21 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from sonocal.errors import InputError
+from sonocal.errors import InputError, UnsupportedError
 from sonocal.files import writing
-from sonocal.recording.formats.metaio import (
-    is_sequence,
-    structure_of,
-)
-from sonocal.recording.formats.sequence_fields import (
+from sonocal.recording.formats.parts.metaio_header import ELEMENT_TYPES
+from sonocal.recording.formats.parts.sequence_fields import (
     PREFIX,
     item_lines,
 )
-from sonocal.recording.formats.written import (
+from sonocal.recording.formats.parts.written import (
+    is_sequence,
     kept_fields,
+    little_endian,
     pixels_of,
     stored_orientation,
 )
@@ -48,7 +47,7 @@ def write_metaio(recording: Recording, path: str | Path, compress: bool = True) 
     """
     path = Path(path)
     compress = compress and recording.image is not None
-    if path.suffix == ".mhd":
+    if path.suffix.lower() == ".mhd":
         data = path.with_suffix(".zraw" if compress else ".raw")
         with writing(data) as pixels:
             size = _write_pixels(recording, pixels, compress)
@@ -74,7 +73,7 @@ def _write_header(recording: Recording, file: BinaryIO, compress: bool, data: st
 
 
 def _header_lines(recording: Recording, compress: bool) -> Iterator[tuple[str, str]]:
-    for key, text in structure_of(recording, compress).items():
+    for key, text in _structure(recording, compress).items():
         yield key, text
         if key == "CompressedData" and compress:
             yield "CompressedDataSize", " " * SIZE_DIGITS
@@ -83,6 +82,33 @@ def _header_lines(recording: Recording, compress: bool) -> Iterator[tuple[str, s
     yield from kept_fields(recording, "metaio").items()
     if is_sequence(recording):
         yield from _described(recording)
+
+
+def _structure(recording: Recording, compress: bool) -> dict[str, str]:
+    """The header fields that the format itself defines, for a recording to be written."""
+    image = recording.image
+    sequence = is_sequence(recording)
+    sizes = (0, 0) if image is None else image.size_px
+    dims = [*sizes, len(recording)] if sequence else list(sizes)
+    kinds = ["domain"] * len(sizes) + ["list"] * sequence
+    return {
+        "ObjectType": "Image",
+        "NDims": str(len(dims)),
+        "BinaryData": "True",
+        "BinaryDataByteOrderMSB": "False",
+        "CompressedData": str(compress),
+        "DimSize": " ".join(map(str, dims)),
+        "Kinds": " ".join(kinds),
+        "ElementNumberOfChannels": str(1 if image is None else image.channels),
+        "ElementType": "MET_OTHER" if image is None else _element_type(recording.name, np.dtype(image.dtype)),
+    }
+
+
+def _element_type(name: str, dtype: np.dtype[Any]) -> str:
+    for element, code in ELEMENT_TYPES.items():
+        if np.dtype(code) == dtype:
+            return element
+    raise UnsupportedError(f"{name}: pixels of type {dtype} have no MetaIO type; convert them to uint8")
 
 
 def _described(recording: Recording) -> Iterator[tuple[str, str]]:
@@ -100,8 +126,7 @@ def _write_pixels(recording: Recording, file: BinaryIO, compress: bool) -> int:
     deflate = zlib.compressobj()
     written = 0
     for frame in pixels_of(recording):
-        data = frame.astype(frame.dtype.newbyteorder("<"), copy=False)
-        block = np.ascontiguousarray(data).data
+        block = little_endian(frame)
         written += file.write(deflate.compress(block) if compress else block)
     if compress:
         written += file.write(deflate.flush())

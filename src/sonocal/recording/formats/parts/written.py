@@ -5,11 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
+import numpy as np
+
 from sonocal.errors import InputError
 from sonocal.recording.frames import Image
 from sonocal.recording.model import Recording
 
-__all__ = ["METAIO_GEOMETRY", "NRRD_GEOMETRY", "kept_fields", "pixels_of", "stored_orientation"]
+__all__ = [
+    "METAIO_GEOMETRY",
+    "NRRD_GEOMETRY",
+    "is_sequence",
+    "kept_fields",
+    "little_endian",
+    "pixels_of",
+    "stored_orientation",
+]
 
 # Fields in which each format keeps where the image lies; they mean nothing to the other one.
 METAIO_GEOMETRY = (
@@ -62,6 +72,12 @@ def kept_fields(recording: Recording, target: Literal["metaio", "nrrd"]) -> dict
     return kept
 
 
+def is_sequence(recording: Recording) -> bool:
+    """Whether a file must say that it is a sequence: a lone image without fields is a plain image."""
+    described = bool(recording.poses or recording.item_fields or np.isfinite(recording.times).any())
+    return described or len(recording) != 1 or recording.image is None
+
+
 def stored_orientation(recording: Recording) -> str:
     """The orientation of the images as they are written: MF, in as many letters as came."""
     image = recording.image
@@ -85,10 +101,14 @@ def pixels_of(recording: Recording) -> Iterator[Image]:
         yield frame
 
 
+def little_endian(frame: Image) -> memoryview:
+    """The bytes of a frame, as files that we write keep them."""
+    return np.ascontiguousarray(frame.astype(frame.dtype.newbyteorder("<"), copy=False)).data
+
+
 def _as_stored(recording: Recording) -> bool:
     image = recording.image
     if image is None:
         return True
     n = image.dimension
-    turned = image.image_from_file[:n, :n]
-    return bool((turned == [[float(i == j) for j in range(n)] for i in range(n)]).all())
+    return np.array_equal(image.image_from_file[:n, :n], np.eye(n))

@@ -5,7 +5,7 @@ import pytest
 
 from sonocal import FormatError
 from sonocal.recording.formats import read_recording
-from sonocal.recording.formats.orientation import Orientation
+from sonocal.recording.formats.parts.orientation import Orientation
 from tests.builders.recordings import stored_file
 
 PAIRS = ("MU", "FN", "AD")

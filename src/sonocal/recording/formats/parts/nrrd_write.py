@@ -11,16 +11,17 @@ import numpy as np
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files import writing
-from sonocal.recording.formats.inflate import GZIP
-from sonocal.recording.formats.metaio import is_sequence
-from sonocal.recording.formats.nrrd import (
+from sonocal.recording.formats.parts.inflate import GZIP
+from sonocal.recording.formats.parts.nrrd_header import (
     ORIENTATION_KEY,
     TYPES,
 )
-from sonocal.recording.formats.sequence_fields import item_lines
-from sonocal.recording.formats.written import (
+from sonocal.recording.formats.parts.sequence_fields import item_lines
+from sonocal.recording.formats.parts.written import (
     NRRD_GEOMETRY,
+    is_sequence,
     kept_fields,
+    little_endian,
     pixels_of,
     stored_orientation,
 )
@@ -53,7 +54,7 @@ def write_nrrd(recording: Recording, path: str | Path, compress: bool = True) ->
         file.write(b"\n")
         deflate = zlib.compressobj(wbits=GZIP)
         for frame in pixels_of(recording):
-            block = np.ascontiguousarray(frame.astype(frame.dtype.newbyteorder("<"), copy=False)).data
+            block = little_endian(frame)
             file.write(deflate.compress(block) if compress else block)
         if compress:
             file.write(deflate.flush())
