@@ -10,7 +10,7 @@ from sonocal.errors import FormatError
 from sonocal.files import reading
 from sonocal.recording.formats.parts.sequence_fields import PREFIX, ItemFields
 
-__all__ = ["ELEMENT_TYPES", "STRUCTURE", "Header", "read_header"]
+__all__ = ["ELEMENT_TYPES", "FIELD", "STRUCTURE", "Header", "read_header"]
 
 ELEMENT_TYPES = {
     "MET_UCHAR": "u1",
@@ -42,6 +42,8 @@ STRUCTURE = (
     "ElementDataFile",
 )
 KEY = re.compile(r"[A-Za-z_][\w .\-]*")
+# Of the header itself: not of an item, and no blank at its end, which readers drop.
+FIELD = re.compile(r"(?!Seq_Frame)[A-Za-z_]([\w .\-]*[\w.\-])?")
 # A line of a header; longer ones are pixels taken for text.
 LINE_LIMIT = 1 << 20
 

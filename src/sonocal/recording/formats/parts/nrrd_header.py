@@ -10,7 +10,7 @@ from sonocal.errors import FormatError
 from sonocal.files import reading
 from sonocal.recording.formats.parts.sequence_fields import PREFIX, ItemFields
 
-__all__ = ["ORIENTATION_KEY", "STRUCTURE", "TYPES", "Header", "read_header"]
+__all__ = ["ORIENTATION_KEY", "PAIR", "STRUCTURE", "TYPES", "Header", "read_header"]
 
 TYPES = {
     "u1": ("uint8", "uchar", "unsigned char", "uint8_t"),
@@ -37,6 +37,8 @@ STRUCTURE = (
     "byte skip",
     "line skip",
 )
+# The key of a key-value pair: not of an item, and no comment.
+PAIR = re.compile(r"(?!Seq_Frame|#)[^:\s]([^:\r\n\0]*[^:\s])?")
 LINE_LIMIT = 1 << 24  # Slicer keeps the index values of a whole sequence in one line
 
 
@@ -99,7 +101,7 @@ def _take(header: Header, number: int, text: str) -> None:
         return
     place = header.pairs if is_pair else header.fields
     key = key if is_pair else key.strip().lower()
-    if key in header.pairs or key in header.fields:
+    if key in place:
         raise FormatError(f"{header.name}, line {number}: {key} stands twice in the header; delete one")
     place[key] = value
 
