@@ -6,11 +6,14 @@ import zlib
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sonocal import FormatError, UnsupportedError
 from sonocal.files.png import png
 from sonocal.recording.formats import read_recording
 from tests.builders.pictures import images
+from tests.builders.recordings import random_pixels
 
 
 @pytest.mark.parametrize(
@@ -50,3 +53,28 @@ def test_a_single_picture_is_a_recording_of_one_frame(tmp_path):
     recording = read_recording(tmp_path / "a.png")
     assert (len(recording), recording.image.size_px, recording.provenance.format) == (1, (8, 6), "image")
     np.testing.assert_array_equal(recording.frames[0], pixels)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp"])
+@given(
+    size=st.tuples(st.integers(1, 9), st.integers(1, 9)),
+    mode=st.sampled_from(["L", "RGB", "I;16", "F"]),
+    seed=st.integers(0, 2**32),
+)
+def test_every_pixel_that_pillow_writes_is_read(tmp_path_factory, suffix, size, mode, seed):
+    pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    if (
+        mode
+        not in {".png": ("L", "RGB", "I;16"), ".tif": ("L", "RGB", "I;16", "F"), ".bmp": ("L", "RGB")}[suffix]
+    ):
+        return
+    dtype = {"L": "uint8", "RGB": "uint8", "I;16": "uint16", "F": "float32"}[mode]
+    pixels = random_pixels(np.random.default_rng(seed), (*size, 3) if mode == "RGB" else size, dtype)
+    path = tmp_path_factory.mktemp("images") / f"a{suffix}"
+    pillow.fromarray(pixels).save(path)
+    recording = read_recording(path)
+    frame = recording.frames[0]
+    assert (frame.dtype, frame.shape, frame.tobytes()) == (pixels.dtype, pixels.shape, pixels.tobytes())
+    assert recording.image.size_px == size[::-1]
+    assert recording.image.channels == (3 if mode == "RGB" else 1)
+    assert np.isnan(recording.times).all()
