@@ -23,7 +23,7 @@ def pivoting(rng, n=200, tilt_deg=30.0, noise_mm=0.2, tip=TIP):
     return matrices
 
 
-def spinning(rng, n=200, turn_deg=150.0, wobble_deg=0.1, axis=AXIS, point=TIP):
+def spinning(rng, n=200, turn_deg=150.0, wobble_deg=0.1, axis=AXIS, point=TIP, noise_mm=0.0):
     """A tool spun about an axis that rests."""
     base = Rotation.random(random_state=rng)
     spin = Rotation.from_rotvec(np.radians(np.linspace(-turn_deg, turn_deg, n))[:, None] * axis)
@@ -31,4 +31,5 @@ def spinning(rng, n=200, turn_deg=150.0, wobble_deg=0.1, axis=AXIS, point=TIP):
     matrices = np.tile(np.eye(4), (n, 1, 1))
     matrices[:, :3, :3] = (base * wobble * spin).as_matrix()
     matrices[:, :3, 3] = np.array([10, 20, -900]) - matrices[:, :3, :3] @ point
+    matrices[:, :3, 3] += rng.normal(0, noise_mm, (n, 3))
     return matrices
