@@ -96,7 +96,7 @@ class Observations:
 
     def select(self, rows: ArrayLike) -> Observations:
         """The table of some rows, given by a mask or by indices."""
-        index = np.asarray(rows)
+        index = np.arange(len(self))[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
         columns = {
             name: value[index]
             for name in (
@@ -196,7 +196,7 @@ def stacked(tables: Sequence[Observations]) -> Observations:
     points = np.concatenate([table.points_px for table in tables])
     order = np.argsort(np.concatenate([table.frame for table in tables]), kind="stable")
     names = ["segments_mm", "frame", "target", "split"]
-    names += ["sigma_px"] if tables[0].sigma_px is not None else []
+    names += [name for name in ("sigma_px", "sigma_mm") if getattr(tables[0], name) is not None]
     columns: dict[str, Any] = {
         name: np.concatenate([getattr(table, name) for table in tables])[order] for name in names
     }
@@ -206,12 +206,12 @@ def stacked(tables: Sequence[Observations]) -> Observations:
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
     codes = np.zeros(len(columns[0]), dtype=np.int64)
-    for column in columns:
+    for place, column in enumerate(columns):
         if len(column) == 0 or np.all(column == column[0]):
             continue
         distinct, code = np.unique(column, return_inverse=True)
         codes = codes * len(distinct) + code.reshape(-1)
-        if column is not columns[0]:
+        if place > 0:
             codes = np.unique(codes, return_inverse=True)[1].reshape(-1)
     return codes
 
