@@ -1,10 +1,9 @@
 #include "sonocal/correspondences/correspondences.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <algorithm>
 #include <numeric>
 
+#include "sonocal/linalg/small.hpp"
 #include "sonocal/solvers/gauss_newton.hpp"
 
 namespace sonocal {
@@ -33,9 +32,8 @@ bool determined(const std::vector<PointOnPlane>& rows, const Transform& a) {
     information += jacobian * jacobian.transpose();
   }
   if (!information.allFinite()) return false;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 7, 7>> solver(information,
-                                                                          Eigen::EigenvaluesOnly);
-  return solver.eigenvalues()[0] > kFree * solver.eigenvalues()[6];
+  const SmallVector values = symmetric_eigenvalues(information);
+  return values[0] > kFree * values[6];
 }
 
 // Root mean square distance of the planes from the point nearest to all of them: nothing but this size tells
@@ -47,7 +45,7 @@ double spread_of(const std::vector<PointOnPlane>& rows) {
     normals += row.normal * row.normal.transpose();
     right -= row.offset * row.normal;
   }
-  const Vector3d nearest = normals.colPivHouseholderQr().solve(right);
+  const Vector3d nearest = least_squares(normals, right);
   double sum = 0;
   for (const auto& row : rows) sum += std::pow(row.normal.dot(nearest) + row.offset, 2);
   return std::sqrt(sum / static_cast<double>(rows.size()));

@@ -1,8 +1,10 @@
 #include "sonocal/detection/echo_fit.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+
+#include "sonocal/linalg/ldlt.hpp"
 
 namespace sonocal {
 namespace {
@@ -38,13 +40,13 @@ Paraboloid fit(const std::vector<EchoPixel>& pixels, Keep keep) {
   for (const EchoPixel& p : pixels) {
     if (p.value >= kWhite || !keep(p)) continue;
     const Vector6 row = (Vector6() << 1, p.u, p.v, p.u * p.u, p.u * p.v, p.v * p.v).finished();
-    normal.selfadjointView<Eigen::Lower>().rankUpdate(row);
+    for (int c = 0; c < 6; ++c) normal.col(c) += row[c] * row;
     right += p.value * row;
     ++count;
   }
   Paraboloid out;
   if (count < kLeastPixels) return out;
-  const Vector6 c = normal.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+  const Vector6 c = Ldlt<6>(normal).solve(right);
   out.curvature << -c[3], -0.5 * c[4], -0.5 * c[4], -c[5];
   const double det = out.curvature.determinant();
   out.found = out.curvature.trace() > 0 && det > 1e-9;

@@ -1,7 +1,5 @@
 #include "sonocal/estimate/estimate.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +7,8 @@
 
 #include "sonocal/estimate/likelihood.hpp"
 #include "sonocal/estimate/start.hpp"
+#include "sonocal/linalg/ldlt.hpp"
+#include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
 namespace {
@@ -29,9 +29,7 @@ void report_as(const PointLines& rows, const Transform& normalised, const Column
   Eigen::Matrix<double, kParameters, 1> unused;
   equations.linearise<kParameters>(normalised, geometric, unused);
   result.inliers = equations.rows();
-  result.least_information =
-      Eigen::SelfAdjointEigenSolver<Matrix>(geometric, Eigen::EigenvaluesOnly).eigenvalues()[0] /
-      std::max(result.inliers, 1);
+  result.least_information = symmetric_eigenvalues(geometric)[0] / std::max(result.inliers, 1);
   result.transform = n.to_original(normalised);
   rows.squared_distances(normalised, result.squares);
   result.squares *= n.size * n.size;
@@ -42,7 +40,7 @@ void report_as(const PointLines& rows, const Transform& normalised, const Column
   const Matrix information =
       likelihood ? Matrix(likelihood->information) : Matrix(geometric * (n.size * n.size));
   const Matrix map = tangent_to_original<kParameters>(result.transform, n);
-  result.covariance = map * information.ldlt().solve(Matrix(map.transpose()));
+  result.covariance = map.lazyProduct(Ldlt<kParameters>(information).solve(Matrix(map.transpose())));
   if (likelihood) result.levels = likelihood->levels;
 }
 

@@ -1,10 +1,9 @@
 #include "sonocal/estimate/likelihood.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
+#include "sonocal/linalg/ldlt.hpp"
 #include "sonocal/linalg/vectors.hpp"
 
 namespace sonocal {
@@ -120,7 +119,7 @@ Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, boo
     m0 += more;
   }
   pass.shares.linearise<kParameters>(at, m1, pull);
-  const Eigen::LDLT<Matrix> solver(m0);
+  const Ldlt<kParameters> solver(m0);
   const double pa = trace - solver.solve(m1).trace();  // tr(P A), P what the fit leaves of V^-1
   // a A + b B = V turns every sum with B into one with A.
   const double pb = (pass.residuals - kParameters - a * pa) / b, qb = (qq - a * qa) / b;
@@ -135,7 +134,7 @@ Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, boo
     const double precision = 1.0 / (kRatioSpread * kRatioSpread), off = std::log(a * alpha / (b * beta));
     Eigen::Matrix2d prior;
     prior << precision, -precision, -precision, precision;
-    result = (information + prior).ldlt().solve(score + precision * Vector2d(-off, off));
+    result = Ldlt<2>(information + prior).solve<1>(score + precision * Vector2d(-off, off));
   } else if (move_px) {
     result[0] = score[0] / information(0, 0);
   } else if (move_mm) {

@@ -1,9 +1,9 @@
 #include "sonocal/estimate/noise_model.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "sonocal/linalg/small.hpp"
 #include "sonocal/linalg/vectors.hpp"
 
 namespace sonocal {
@@ -191,6 +191,26 @@ SONOCAL_WIDEST_VECTORS void weigh_along(const Mapping& given, const Places& plac
   pull_scale(m, strained, block);
 }
 
+// Eigenvectors of (f f' + t t') / 2 in columns, with its eigenvalues: two of them, then zeros.
+struct Combinations {
+  Eigen::MatrixXd vectors;
+  Eigen::VectorXd values;
+};
+Combinations combine(const Eigen::VectorXd& f, const Eigen::VectorXd& t) {
+  Eigen::MatrixXd both(f.size(), 2);
+  both << f, t;
+  Combinations out{orthogonal_factor(both), Eigen::VectorXd::Zero(f.size())};
+  // In the basis Q the matrix is R R' / 2, of f = r q0 and t = a q0 + b q1.
+  const Eigen::VectorXd q0 = out.vectors.col(0), q1 = out.vectors.col(1);
+  const double r = q0.dot(f), a = q0.dot(t), b = q1.dot(t);
+  const Eigen2 e = eigen_of(0.5 * (r * r + a * a), 0.5 * a * b, 0.5 * b * b, 0.25 * r * r * b * b);
+  out.values[0] = e.most;
+  out.values[1] = e.least;
+  out.vectors.col(0) = e.c * q0 + e.s * q1;
+  out.vectors.col(1) = e.c * q1 - e.s * q0;
+  return out;
+}
+
 }  // namespace
 
 NoiseModel::NoiseModel(const PointLines& rows, const Sightings& sightings, RowNoise noise,
@@ -318,17 +338,16 @@ void NoiseBlocks::split(const NoiseModel::Other& sighting) {
     const double along = rows.direction(first).dot(at_.apply(rows.point(row)));
     tau[j] = factor[j] * (along - rows.middle(first)) / rows.half_length(first);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      0.5 * (factor * factor.transpose() + tau * tau.transpose()));
+  const Combinations eigen = combine(factor, tau);
   const double fm = model_.mm_factor(first) * model_.mm_factor(first);
   double squared = 0;
   for (int j = 0; j < m; ++j) {
-    const double by_place = fm * eigen.eigenvectors().col(j).dot(tau) / rows.half_length(first);
-    Combination to{Vector3d::Zero(),  0, std::max(eigen.eigenvalues()[j], 0.0) * fm, by_place, 1, first,
+    const double by_place = fm * eigen.vectors.col(j).dot(tau) / rows.half_length(first);
+    Combination to{Vector3d::Zero(),  0, std::max(eigen.values[j], 0.0) * fm, by_place, 1, first,
                    sighting.first_row};
     for (int i = 0; i < m; ++i) {
-      to.x += eigen.eigenvectors()(i, j) * factor[i] * rows.point(sighting.rows[i]);
-      to.h += eigen.eigenvectors()(i, j) * factor[i];
+      to.x += eigen.vectors(i, j) * factor[i] * rows.point(sighting.rows[i]);
+      to.h += eigen.vectors(i, j) * factor[i];
     }
     const Vector3d mapped = at_.linear() * to.x + to.h * at_.translation;
     const double variance = levels_.px * at_.scales[0] * at_.scales[0] + levels_.mm * to.beta;

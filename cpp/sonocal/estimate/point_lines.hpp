@@ -41,6 +41,19 @@ Eigen::Matrix<double, kParameters, kParameters> tangent_to_original(const Transf
   return map;
 }
 
+// Its inverse.
+template <int kParameters>
+Eigen::Matrix<double, kParameters, kParameters> tangent_to_normalised(const Transform& original,
+                                                                      const Normalisation& normalisation) {
+  Eigen::Matrix<double, kParameters, kParameters> map =
+      tangent_to_original<kParameters>(original, normalisation);
+  const double size = normalisation.size;
+  map.template block<3, 3>(3, 0) /= -size;
+  map.template block<3, 3>(3, 3) /= size * size;
+  map.template block<3, kParameters - 6>(3, 6) /= -size;
+  return map;
+}
+
 // N points against N lines, as structure of arrays: each line is two planes n . y + offset = 0 with
 // orthonormal normals, so that the two residuals' squares add up to the squared distance. The line's
 // direction is the normals' cross product.

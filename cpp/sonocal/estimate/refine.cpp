@@ -1,9 +1,10 @@
 #include "sonocal/estimate/refine.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <limits>
+
+#include "sonocal/linalg/ldlt.hpp"
+#include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
 
@@ -21,15 +22,15 @@ constexpr double kFree = 1e-13;
 template <int kCount>
 Eigen::Matrix<double, 3, kCount> solve_symmetric(const Matrix3d& h,
                                                  const Eigen::Matrix<double, 3, kCount>& b) {
-  const Eigen::LDLT<Matrix3d> factors(h);
-  const Vector3d pivots = factors.vectorD();
-  if (pivots.minCoeff() > kFree * pivots.maxCoeff()) return factors.solve(b);
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(h);
-  const Vector3d values = eigen.eigenvalues();
-  Vector3d inverse = Vector3d::Zero();
-  for (int i = 0; i < 3; ++i)
-    if (values[i] > kFree * values[2]) inverse[i] = 1 / values[i];
-  return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose() * b;
+  const Ldlt<3> factors(h);
+  if (factors.least_pivot() > kFree * factors.greatest_pivot()) return factors.solve(b);
+  const SymmetricEigen eigen = symmetric_eigen(h);
+  Matrix3d inverse = Matrix3d::Zero();
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d v = eigen.vectors.col(i);
+    if (eigen.values[i] > kFree * eigen.values[2]) inverse += v * v.transpose() / eigen.values[i];
+  }
+  return inverse.lazyProduct(b);
 }
 
 // The cost at the best translation for every rotation and scale: residuals are linear in the translation, so
@@ -99,7 +100,7 @@ Refinement descend(const NormalEquations& equations, const Transform& start, int
     while (true) {
       damped = jtj;
       damped.diagonal() *= 1.0 + damping;
-      step = -damped.ldlt().solve(jtr);
+      step = -Ldlt<kParameters>(damped).solve(jtr);
       tangent.template head<3>() = step.template head<3>();
       tangent.template tail<kScales>() = step.template tail<kScales>();
       const Transform next = retract<6 + kScales>(result.transform, tangent);

@@ -1,6 +1,5 @@
 #include "sonocal/estimate/white_residuals.hpp"
 
-#include <Eigen/LU>
 #include <cmath>
 
 namespace sonocal {
@@ -29,7 +28,7 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
   const Normalisation& n = rows.normalisation();
   const Transform normalised = n.to_normalised(at);
   const Eigen::Matrix<double, kParameters, kParameters> from_original =
-      tangent_to_original<kParameters>(at, n).inverse();
+      tangent_to_normalised<kParameters>(at, n);
   const bool alike = options.weighting == Weighting::kGeometric;
   PointLines::Column selector(table.rows);
   for (int i = 0; i < table.rows; ++i) selector[i] = chosen[i] ? 0.0 : 1.0;

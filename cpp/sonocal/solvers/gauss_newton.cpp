@@ -1,9 +1,10 @@
 #include "sonocal/solvers/gauss_newton.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+
+#include "sonocal/linalg/ldlt.hpp"
 
 namespace sonocal {
 namespace {
@@ -90,7 +91,7 @@ double gauss_newton(const PointOnPlane* rows, int count, int steps, double fixed
         damped.matrix(6, 6) = 1;
         damped.right[6] = 0;
       }
-      const Transform next = retract(a, damped.matrix.ldlt().solve(damped.right), unit, image_centre);
+      const Transform next = retract(a, Ldlt<7>(damped.matrix).solve(damped.right), unit, image_centre);
       const double next_cost = squared_residuals(rows, count, next);
       better = next_cost < cost;
       if (better) {

@@ -1,9 +1,10 @@
 #include "sonocal/solvers/linear.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
+
+#include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
 namespace {
@@ -21,23 +22,20 @@ Eigen::Matrix<double, 3 * kColumns + 4, 1> null_vector(const double* points, con
                                                        std::size_t rows, const Vector3d& image_centre,
                                                        double image_size, const Vector3d& centre, double size,
                                                        double& condition) {
-  constexpr int kSize = 3 * kColumns + 4;
-  Eigen::Matrix<double, kSize, kSize> normal = Eigen::Matrix<double, kSize, kSize>::Zero();
+  constexpr int kSize = 3 * kColumns + 4, kEven = kSize + kSize % 2;  // registers hold two
+  Eigen::Matrix<double, kEven, kEven> normal = Eigen::Matrix<double, kEven, kEven>::Zero();
+  Eigen::Matrix<double, kEven, 1> row = Eigen::Matrix<double, kEven, 1>::Zero();
   for (std::size_t i = 0; i < rows; ++i) {
     const Eigen::Map<const Vector3d> x(points + 3 * i), n(planes + 4 * i);
     const Vector3d local = (x - image_centre) / image_size;
-    Eigen::Matrix<double, kSize, 1> row;
     for (int c = 0; c < kColumns; ++c) row.template segment<3>(3 * c) = local[c] * n;
     row.template segment<3>(3 * kColumns) = n;
     row[kSize - 1] = (planes[4 * i + 3] + n.dot(centre)) / size;
-    normal.template selfadjointView<Eigen::Lower>().rankUpdate(row);
+    for (int c = 0; c < kSize; ++c) normal.col(c) += row[c] * row;
   }
-  // Size known at run time only: a fixed one unrolls every reflection and takes minutes to compile.
-  using Bounded = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kSize, kSize>;
-  const Eigen::SelfAdjointEigenSolver<Bounded> solver{Bounded(normal)};
-  const auto& values = solver.eigenvalues();
-  condition = std::sqrt(std::fmax(0.0, values[1]) / values[kSize - 1]);
-  return solver.eigenvectors().col(0);
+  const SymmetricEigen eigen = symmetric_eigen(normal.template topLeftCorner<kSize, kSize>());
+  condition = std::sqrt(std::fmax(0.0, eigen.values[1]) / eigen.values[kSize - 1]);
+  return eigen.vectors.col(0);
 }
 
 }  // namespace

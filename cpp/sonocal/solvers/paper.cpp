@@ -1,10 +1,10 @@
 #include "sonocal/solvers/paper.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
+#include "sonocal/linalg/small.hpp"
 #include "sonocal/linalg/vectors.hpp"
 #include "sonocal/solvers/linear.hpp"
 
@@ -32,22 +32,17 @@ constexpr double kNearlyReal = 1e-2;
 constexpr int kPolish = 40;
 constexpr double kVanishes = 1e-11;  // quadrics of unit vectors
 
-// Sizes known at run time only: fixed ones unroll every reflection and take minutes to compile.
-template <int kMost>
-using Bounded = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost>;
-
 // The right singular vectors of all but the first seven singular values: the eighth, then the null space. The
 // left ones come from the Gram matrix, and the factor Q of what they turn the rows into is orthogonal
 // whatever they are off by: as good as a singular value decomposition here, in a fifth of its time.
 template <int kUnknowns>
 Eigen::Matrix<double, kUnknowns, kUnknowns - 7> subspace(
     const Eigen::Matrix<double, kUnknowns, 8>& transposed) {
-  const Bounded<8> gram = transposed.transpose() * transposed;
-  const Eigen::SelfAdjointEigenSolver<Bounded<8>> eigen(gram);
-  const Bounded<13> graded = transposed * eigen.eigenvectors().rowwise().reverse();
-  const Eigen::HouseholderQR<Bounded<13>> factors(graded);
-  const Bounded<13> q = factors.householderQ();
-  return q.rightCols(kUnknowns - 7);
+  const Eigen::Matrix<double, 8, 8> gram = transposed.transpose().lazyProduct(transposed);
+  const Eigen::Matrix<double, 8, 8> vectors = symmetric_eigen(gram).vectors;
+  Eigen::Matrix<double, kUnknowns, 8> graded;
+  for (int i = 0; i < 8; ++i) graded.col(i) = transposed.lazyProduct(vectors.col(7 - i));
+  return orthogonal_factor<SmallMatrix>(graded).rightCols(kUnknowns - 7);
 }
 
 // Gaussian elimination with row pivoting of the first `columns` columns, downwards, of a row-major matrix.
@@ -139,20 +134,21 @@ bool polish(const Quadric<kSize> (&quadrics)[kCount], Eigen::Matrix<double, kSiz
   v.normalize();
   double residual = 0;
   for (int iteration = 0; iteration < kPolish && v.allFinite(); ++iteration) {
-    Bounded<kCount + 1> jacobian(kCount + 1, kSize), values(kCount + 1, 1);
+    SmallMatrix jacobian(kCount + 1, kSize);
+    SmallVector values(kCount + 1);
     for (int q = 0; q < kCount; ++q) {
       Eigen::Matrix<double, kSize, kSize> m;
       for (int i = 0; i < kSize; ++i)
         for (int j = i; j < kSize; ++j) m(i, j) = m(j, i) = (i == j ? 1.0 : 0.5) * quadrics[q].at[i][j];
       const Eigen::Matrix<double, kSize, 1> half = m * v;
       jacobian.row(q) = 2 * half.transpose();
-      values(q, 0) = v.dot(half);
+      values[q] = v.dot(half);
     }
     jacobian.row(kCount) = v.transpose();  // no step along v, which changes nothing
-    values(kCount, 0) = 0;
+    values[kCount] = 0;
     residual = values.norm() / jacobian.norm();
     if (residual < 1e-15) break;
-    v -= jacobian.colPivHouseholderQr().solve(values);
+    v -= least_squares(jacobian, values);
     v.normalize();
   }
   return residual < kVanishes && v.allFinite();
@@ -163,14 +159,20 @@ bool polish(const Quadric<kSize> (&quadrics)[kCount], Eigen::Matrix<double, kSiz
 template <int kSize, class Use>
 void for_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, NoRealRoot policy, const Use& use) {
   if (!action.allFinite()) return;
-  const Eigen::EigenSolver<Bounded<8>> solver{Bounded<8>(action)};
-  if (solver.info() != Eigen::Success) return;
-  const auto vectors = solver.eigenvectors();
+  const GeneralEigen eigen = general_eigen(action);
+  if (!eigen.found) return;
   for (int i = 0; i < kSize; ++i) {
-    const auto value = solver.eigenvalues()[i];
-    if (value.imag() < 0) continue;
-    if (policy == NoRealRoot::kNothing && value.imag() > kNearlyReal * std::abs(value)) continue;
-    const Eigen::Matrix<double, kSize, 1> v = (vectors.col(i) / vectors(kSize - 1, i)).real();
+    const double real = eigen.real[i], imaginary = eigen.imaginary[i];
+    if (imaginary < 0) continue;
+    if (policy == NoRealRoot::kNothing && imaginary > kNearlyReal * std::hypot(real, imaginary)) continue;
+    Eigen::Matrix<double, kSize, 1> v = eigen.vectors.col(i);
+    if (imaginary > 0) {
+      // The real part of (p + i q) / (p + i q)_last.
+      const Eigen::Matrix<double, kSize, 1> q = eigen.vectors.col(i + 1);
+      v = (v[kSize - 1] * v + q[kSize - 1] * q) / (std::pow(v[kSize - 1], 2) + std::pow(q[kSize - 1], 2));
+    } else {
+      v /= double(v[kSize - 1]);
+    }
     use(v);
   }
 }

@@ -1,12 +1,12 @@
 #include "sonocal/study/trial.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "sonocal/estimate/refine.hpp"
 #include "sonocal/estimate/white_residuals.hpp"
+#include "sonocal/linalg/ldlt.hpp"
 
 namespace sonocal {
 namespace {
@@ -116,9 +116,9 @@ Eigen::Matrix<double, 7, 7> cramer_rao_bound(const Table& table, const bool* sou
     const Eigen::Matrix<double, 7, 1> row = white.jacobian.row(i).transpose();
     information += row * row.transpose();
   }
-  const Eigen::LLT<Matrix7> factors(information);
-  if (factors.info() != Eigen::Success || !information.allFinite()) return Matrix7::Constant(kNaN);
-  return factors.solve(Matrix7::Identity());
+  const Ldlt<7> factors(information);
+  if (!(factors.least_pivot() > 0) || !information.allFinite()) return Matrix7::Constant(kNaN);
+  return factors.solve<7>(Matrix7::Identity());
 }
 
 }  // namespace sonocal
