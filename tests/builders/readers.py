@@ -15,6 +15,7 @@ from sonocal.calibration import (
     calibration_json,
     load_calibration,
 )
+from sonocal.detection import read_detections
 from sonocal.export.plus import put_into_device_set
 from sonocal.files.kinds import kind_of
 from sonocal.observations import observations_csv
@@ -24,7 +25,6 @@ from sonocal.recording.formats import (
     write_recording,
 )
 from sonocal.simulation.scene import simulate_observations
-from sonocal.sweep import read_detections
 from sonocal.targets import (
     read_device_set,
     read_lines,

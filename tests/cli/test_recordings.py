@@ -385,11 +385,6 @@ def test_a_mask_says_where_to_look(swept, tmp_path):
             2,
             "--count is for detection; with --points nothing is detected",
         ),
-        (
-            ["sweep.igs.mha", "--lines", "needle.toml", "--threshold-mm", "auto"],
-            2,
-            "--threshold-mm auto is for tables and --points; detection needs a number",
-        ),
     ],
 )
 def test_what_does_not_go_together_is_said(swept, tmp_path, monkeypatch, arguments, status, sentence):

@@ -97,10 +97,12 @@ def _unknown_table(file: Path) -> Shown:
 
 def _points(file: Path) -> Shown:
     from sonocal.cli.screen.recording import print_points
-    from sonocal.sweep import read_detections
+    from sonocal.detection import read_detections
 
     found = read_detections(file)
-    return found, lambda: print_points(console(), found)
+    record = {"frame": found.frame, "points_px": found.points_px[:, 0], "target": found.target.tolist()}
+    record |= {"sigma_px": None if found.sigma_px is None else found.sigma_px[:, 0], "source": found.source}
+    return record, lambda: print_points(console(), found)
 
 
 def _known_points(file: Path) -> Shown:

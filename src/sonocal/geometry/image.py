@@ -45,7 +45,7 @@ def image_crossings(needles_px: Array) -> Array:
     start, along = needles_px[:, 0], needles_px[:, 1] - needles_px[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -start[:, 2] / along[:, 2]
-    crossing = start + share[:, None] * along
+        crossing = start + share[:, None] * along
     return np.asarray(np.where(np.isfinite(crossing).all(axis=1, keepdims=True), crossing, np.nan)[:, :2])
 
 

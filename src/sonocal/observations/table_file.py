@@ -19,7 +19,7 @@ from sonocal.files.tables import (
 )
 from sonocal.observations.table import _DEFAULT, SEGMENT_COLUMNS, Observations
 
-__all__ = ["observations_csv", "parse_observations", "read_observations", "write_observations"]
+__all__ = ["as_file", "observations_csv", "parse_observations", "read_observations", "write_observations"]
 
 REQUIRED_COLUMNS = ("frame", "target", "u_px", "v_px", *SEGMENT_COLUMNS)
 
@@ -109,6 +109,13 @@ def observations_csv(observations: Observations) -> bytes:
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
     return text.getvalue().encode()
+
+
+def as_file(observations: Observations, name: str) -> tuple[bytes, Observations]:
+    """The text of a table's CSV file, and the table as reading it will give it: with the file's name and digest."""
+    content = observations_csv(observations)
+    digest, lines = hashlib.sha256(content).hexdigest(), np.arange(len(observations)) + 2
+    return content, observations.with_sound(source=name, sha256=digest, lines=lines)
 
 
 def _check_header(name: str, header: Sequence[str]) -> None:

@@ -88,6 +88,8 @@ class Recording:
         item_fields: the same of every item, None where an item lacks the field.
         provenance: where it came from.
         diagnostics: what the reader noticed.
+        latency_s: how much later the tracker stamps an instant than the images do, where the poses were moved by it:
+            0 where they are as recorded; see `with_latency`.
     """
 
     times: Array
@@ -99,6 +101,7 @@ class Recording:
     item_fields: Mapping[str, tuple[str | None, ...]] = field(default_factory=dict)
     provenance: Provenance = Provenance()
     diagnostics: tuple[Diagnostic, ...] = ()
+    latency_s: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.times)

@@ -1,38 +1,17 @@
-"""Points found in the images of a recording, and their file."""
+"""The file of points found in images: by hand, or by another program."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sonocal.detection.detections import Detections
 from sonocal.errors import InputError
 from sonocal.files import read_text
 from sonocal.files.tables import parse_table
-from sonocal.geometry import Array
 
-__all__ = ["Detections", "read_detections"]
-
-
-@dataclass(frozen=True, eq=False)
-class Detections:
-    """Points found in the images of a recording; all arrays have one entry a point.
-
-    Attributes:
-        frame: (N,) index of the image in the recording.
-        points_px: (N, 2) or (N, 3), in the MF-oriented image.
-        target: (N,) name of the line; "" where there is only one to choose.
-        sigma_px: (N,) standard deviations, or None.
-        source: the name that messages give it.
-    """
-
-    frame: NDArray[np.int64]
-    points_px: Array
-    target: NDArray[np.str_]
-    sigma_px: Array | None = None
-    source: str = "detections"
+__all__ = ["read_detections"]
 
 
 def read_detections(path: str | Path) -> Detections:
@@ -54,10 +33,10 @@ def read_detections(path: str | Path) -> Detections:
     frames = table.numbers("frame")
     if not (np.abs(frames) < 2**53).all() or not np.array_equal(frames, np.round(frames)):
         raise InputError(f"{path.name}, column frame: holds a number that is not whole; count images from 0")
-    return Detections(
-        frame=frames.astype(np.int64),
-        points_px=np.column_stack(coordinates),
-        target=table.text("target") if "target" in table.columns else np.full(len(frames), ""),
-        sigma_px=table.numbers("sigma_px") if "sigma_px" in table.columns else None,
-        source=path.name,
+    return Detections.of_points(
+        frames.astype(np.int64),
+        np.column_stack(coordinates),
+        table.text("target") if "target" in table.columns else "",
+        table.numbers("sigma_px") if "sigma_px" in table.columns else None,
+        path.name,
     )
