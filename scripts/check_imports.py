@@ -60,9 +60,10 @@ LAZY_EXEMPT = {"cli": {"click"}, "cli.screen": {"rich"}}
 
 # What stands beside the package may import these, and nothing else of one another; benchmarks.house reads this table.
 OUTSIDE = {
-    "tests": {"tests", "scripts", "benchmarks"},
+    "tests": {"tests", "scripts", "benchmarks", "docs"},
     "benchmarks": {"benchmarks", "scripts"},
     "scripts": {"tests", "benchmarks"},
+    "docs": {"docs", "scripts"},
 }
 
 
