@@ -12,6 +12,7 @@ from docs import draw_rooms
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TEXTS = {page.relative_to(ROOT): page.read_text(encoding="utf-8") for page in PAGES}
+PLACEHOLDER = re.compile(r"\bNAME\b|\b(test_)?mine\.py$")  # what a reader is to name
 FOLDERS = ("src", "cpp", "tests", "benchmarks", "scripts", "docs")
 
 
@@ -35,7 +36,7 @@ def test_links_lead_somewhere(page):
 @pytest.mark.parametrize("page", TEXTS, ids=str)
 def test_files_that_are_named_exist(page):
     for name in re.findall(rf"`((?:{'|'.join(FOLDERS)})/[\w./-]+)`", TEXTS[page]):
-        assert (ROOT / name).exists() or "NAME" in name, name
+        assert (ROOT / name).exists() or PLACEHOLDER.search(name), name
 
 
 @pytest.mark.parametrize("page", TEXTS, ids=str)
