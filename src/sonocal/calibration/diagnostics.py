@@ -95,8 +95,7 @@ def diagnose_image_plane(rotation: Array, directions: Array) -> Iterator[Diagnos
         rotation: (3, 3), of the calibration.
         directions: (N, 3), of the needles in the probe marker's frame.
     """
-    angles = np.degrees(np.arcsin(np.clip(np.abs(directions @ rotation[:, 2]), 0.0, 1.0)))
-    flat = int(np.sum(angles < FLAT_DEG))
+    flat = int(np.count_nonzero(np.abs(directions @ rotation[:, 2]) < np.sin(np.radians(FLAT_DEG))))
     if flat <= FLAT_SHARE * len(directions):
         return
     yield Diagnostic(
