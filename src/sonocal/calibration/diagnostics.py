@@ -40,6 +40,7 @@ __all__ = [
     "diagnose_rival",
     "diagnose_weakness",
     "fit_findings",
+    "predicts",
 ]
 
 # Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
@@ -252,11 +253,16 @@ def fit_findings(
     yield from anisotropy_findings(mapped.table, fit, groupings)
 
 
+def predicts(noise: Noise) -> bool:
+    """Whether the covariance is one: no row may be left over to tell, or a fit not have come to rest."""
+    return bool(np.all(np.isfinite(noise.covariance)) and np.all(np.diag(noise.covariance) >= 0))
+
+
 def weakness_findings(
     table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
 ) -> Iterator[Diagnostic]:
     """The predicted error at the corners against what is accepted."""
-    if not np.all(np.isfinite(noise.covariance)):
+    if not predicts(noise):
         return
     corners = area_places(area)[:-1]
     covariances = point_covariance(fit.transform, noise.covariance, corners)
