@@ -64,6 +64,8 @@ OUTSIDE = {
     "benchmarks": {"benchmarks"},
     "scripts": {"tests", "benchmarks"},
 }
+# Of the tests, this alone is imported: a test file is run, and nothing else.
+BUILDERS = "tests.builders"
 
 
 def main() -> int:
@@ -176,6 +178,8 @@ def outside() -> Iterator[str]:
                 top = name.split(".")[0]
                 if top in OUTSIDE and top not in may:
                     yield f"{path.relative_to(ROOT)}: {folder} must not import {name}"
+                elif top == "tests" and not name.startswith(BUILDERS):
+                    yield f"{path.relative_to(ROOT)}: import {name} from {BUILDERS}, where tests share what they need"
 
 
 if __name__ == "__main__":

@@ -23,18 +23,12 @@ from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 from sonocal.sweep import tabulate
 from sonocal.targets import read_lines
-from tests.builders.readers import POINT
 from tests.builders.recordings import (
     random_poses,
     random_recording,
 )
-from tests.targets.test_device_set import PHANTOM
-from tests.tools.test_tools import (
-    AXIS,
-    TIP,
-    pivoting,
-    spinning,
-)
+from tests.builders.targets import PHANTOM, POINT
+from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
 
 
 def run(*arguments, width=80):
@@ -441,7 +435,7 @@ def test_a_mask_says_where_to_look(swept, tmp_path):
         (
             ["needle.toml"],
             1,
-            "needle.toml: is a file of kind 'lines'; give a table of sightings (CSV), or a recording with --lines",
+            "needle.toml: is a file of kind 'targets'; give a table of sightings (CSV), or a recording with --lines",
         ),
         (
             ["observations.csv", "--probe", "P"],

@@ -56,7 +56,7 @@ def from_recording(
         recorded: options of recordings and of detection.
         options: of `sonocal.calibrate`.
     """
-    from sonocal.files.kinds import kind_of
+    from sonocal.cli.formats import kind_of
     from sonocal.observations.table_file import as_file
     from sonocal.recording.formats import read_recording
     from sonocal.targets import read_lines
