@@ -207,3 +207,14 @@ def test_a_needle_along_an_axis_passes_through_or_by(seed, axis):
     if meets:
         np.testing.assert_allclose(part[:, axis], VOLUME[:, axis])
         np.testing.assert_allclose(part[:, others], line[:, others])
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("face", [0, 1])
+def test_a_needle_in_a_face_of_the_volume_is_in_the_volume(axis, face):
+    line = np.stack([VOLUME.mean(axis=0)] * 2)
+    line[:, axis] = VOLUME[face, axis]
+    along = (axis + 1) % 3
+    line[:, along] = [-1000, 1000]
+    (part,) = needle_in_volume(Similarity.identity(), VOLUME, line[None])
+    np.testing.assert_allclose(part[:, along], VOLUME[:, along])

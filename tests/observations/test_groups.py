@@ -162,6 +162,12 @@ def test_a_copy_of_a_row_is_refused_wherever_it_stands(seed, row, place):
     assert str(caught.value).startswith(f"a.csv, line {second + 2}: repeats line {first + 2} (frame ")
 
 
+def test_zero_below_zero_is_the_same_place():
+    points, segments = np.array([[0.0, 1.0], [-0.0, 1.0]]), np.tile([[0.0, 0, 0], [1, 0, 0]], (2, 1, 1))
+    with pytest.raises(InputError, match="row 1: repeats row 0 "):
+        Observations(points, segments, frame=[3, 3])
+
+
 @given(seeds, st.integers(0, COUNT - 1), st.sampled_from(["points_px", "segments_mm", "frame", "target"]))
 def test_what_differs_in_the_least_digit_is_no_copy(seed, row, column):
     table = random_table(seed, sigmas=False)
