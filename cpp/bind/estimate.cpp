@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "bind/checks.hpp"
+#include "bind/chosen.hpp"
 #include "bind/table.hpp"
 #include "sonocal/estimate/white_residuals.hpp"
 
@@ -16,8 +16,6 @@ using namespace nb::literals;
 using namespace sonocal;
 
 namespace {
-
-using Chosen = In<bool, nb::ndim<1>>;
 
 // More random samples than an hour could draw, and more combinations than could be gone through.
 constexpr int kMostSamples = 1 << 30, kMostCombinations = 1 << 20;
@@ -100,21 +98,6 @@ PyEstimate to_python(const Estimate& e) {
   result.residuals_mm = to_numpy(PointLines::Column(e.squares.sqrt()).matrix());
   result.covariance = to_numpy(e.covariance);
   return result;
-}
-
-// The rows to take part: as many marks as rows, and one of them at least.
-const bool* checked(const Chosen& chosen, const Table& table) {
-  if (chosen.shape(0) != static_cast<std::size_t>(table.rows))
-    refuse("chosen has " + std::to_string(chosen.shape(0)) + " entries for " + std::to_string(table.rows) +
-           " rows");
-  require(std::find(chosen.data(), chosen.data() + table.rows, true) != chosen.data() + table.rows,
-          "no row is chosen");
-  return chosen.data();
-}
-
-void check_model(const Table& table, const Options& options) {
-  require(table.dimension == 2 || options.model == Model::kSimilarity,
-          "the anisotropic model is of 2D images");
 }
 
 PyEstimate py_estimate(const BoundTable& bound, const Options& options) {

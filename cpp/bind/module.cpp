@@ -5,6 +5,7 @@ NB_MODULE(_core, m) {
   bind_solvers(m);
   bind_table(m);
   bind_estimate(m);
+  bind_noise(m);
   bind_detection(m);
   bind_study(m);
 }

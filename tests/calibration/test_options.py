@@ -160,7 +160,7 @@ def test_the_keywords_that_are_typed_and_those_that_are_taken_are_the_same():
 def test_the_defaults_that_help_states_are_those_taken():
     said = sc.calibrate.__doc__
     for field in dataclasses.fields(Options):
-        stated = {"model": '"similarity"', "weighting": '"likelihood"', "sigma_px": "None"}
+        stated = {"model": '"similarity"', "weighting": '"likelihood"'}
         if field.name == "sigma_px":
             continue  # stands beside sigma_mm, which has the same
         assert f"{field.name} ({stated.get(field.name, field.default)})" in said, field.name

@@ -9,7 +9,7 @@ import pytest
 
 from sonocal.findings import CODES, PAGE, REASONS, REFUSALS, Diagnostic, anchor_of
 from sonocal.validation import verdict
-from tests.docs.codes_in_source import made_in
+from tests.builders.codes_in_source import made_in
 
 ROOT = Path(__file__).parents[2]
 REGISTRIES = {"Diagnostic": CODES, "DegenerateGeometryError": REFUSALS}

@@ -1,150 +1,82 @@
-"""What the pages tell a reader to paste works as it stands there, in a folder with the files that it names.
+"""What the documentation names is there: files, links, sections, modules; and the rooms are those of the table."""
 
-What the README begins with, `.venv/bin/sonocal`, needs no file: tests/test_readme.py runs it in an empty folder.
-"""
-
-import ast
+import importlib.util
 import re
-import shlex
-import subprocess
-import sys
-import textwrap
-import tomllib
+from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from scripts.check_imports import EVERYONE, ROOMS
 
-from sonocal.cli.main import main
-from tests.builders.pages import copy_of, write_files
-from tests.docs.pages import PAGES, ROOT, command_of, commands_in, snippets_in, text_of
+from docs import draw_rooms
 
-# Commands of sonocal that are not run as they stand, and why; what is run in their place.
-INSTEAD = {
-    # thousands of trials: a few show that the command is one
-    "sonocal study paper-2d": "sonocal study paper-2d --trials 5",
-    "sonocal study needles --trials 10000": "sonocal study needles --trials 3 -o few",
-    "sonocal study needles --workers 8": "sonocal study needles --trials 3 --workers 1 -o few",
-    # 500 images: fewer are as good a recording
-    "sonocal simulate -o simulated": "sonocal simulate -o simulated --frames 3",
-    # the capitals stand for the reader's own file
-    "sonocal calibrate RECORDING --lines needle.toml -o calibration": (
-        "sonocal calibrate sweep.igs.mha --lines needle.toml -o calibration"
-    ),
-    "sonocal detect RECORDING --lines needle.toml -o candidates.csv --sheet contact-sheet.png": (
-        "sonocal detect sweep.igs.mha --lines needle.toml -o candidates.csv --sheet contact-sheet.png"
-    ),
-    # a cluster that is not there; tests/studies/test_cluster.py has one
-    "sonocal study needles --scheduler tcp://head-node:8786": None,
-}
-# Python that is run elsewhere.
-ELSEWHERE = {"studies.md": "tests/studies/test_docs.py"}
-# What a snippet takes for given.
-GIVEN = {
-    "validation.md": "import matplotlib; matplotlib.use('agg'); from matplotlib.pyplot import gca; axis = gca()\n"
-}
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TEXTS = {page.relative_to(ROOT): page.read_text(encoding="utf-8") for page in PAGES}
+PLACEHOLDER = re.compile(r"\bNAME\b|\b(test_)?mine\.py$")  # what a reader is to name
+FOLDERS = ("src", "cpp", "tests", "benchmarks", "scripts", "docs")
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("files")
-    write_files(folder)
-    (folder / "mine.toml").write_text(study_on_the_page())
-    return folder
+def anchors(text):
+    """As they are made from headings: small letters, blanks to hyphens, no other signs."""
+    heads = re.findall(r"^#+ (.*)$", text, flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
 
 
-def study_on_the_page():
-    """Of few trials."""
-    page = text_of(ROOT / "docs" / "studies.md")
-    block = re.search(r"^    name = .*?(?=^\|)", page, flags=re.MULTILINE | re.DOTALL).group()
-    return textwrap.dedent(block).replace("trials = 1000 ", "trials = 3 ")
+@pytest.mark.parametrize("page", TEXTS, ids=str)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", TEXTS[page]):
+        if target.startswith(("http:", "https:")):
+            continue
+        path, _, section = target.partition("#")
+        file = (ROOT / page).parent / path if path else ROOT / page
+        assert file.exists(), target
+        assert not section or section in anchors(file.read_text(encoding="utf-8")), target
 
 
-def id_of(page):
-    return str(page.relative_to(ROOT))
+@pytest.mark.parametrize("page", TEXTS, ids=str)
+def test_files_that_are_named_exist(page):
+    for name in re.findall(rf"`((?:{'|'.join(FOLDERS)})/[\w./-]+)`", TEXTS[page]):
+        assert (ROOT / name).exists() or PLACEHOLDER.search(name), name
 
 
-WITH_COMMANDS = [page for page in PAGES if commands_in(text_of(page))]
-WITH_SNIPPETS = [page for page in PAGES if snippets_in(text_of(page))]
+@pytest.mark.parametrize("page", TEXTS, ids=str)
+def test_modules_that_are_run_exist(page):
+    for name in re.findall(r"python -m ((?:benchmarks|docs)\.\w+)", TEXTS[page]):
+        assert importlib.util.find_spec(name), name
 
 
-@pytest.mark.parametrize("page", WITH_COMMANDS, ids=id_of)
-def test_commands_of_sonocal_run_one_after_the_other(page, files, tmp_path, monkeypatch):
-    """Each finds the files as they were and what those before it made."""
-    monkeypatch.chdir(tmp_path)
-    typed = [command for command in commands_in(text_of(page)) if command.startswith("sonocal ")]
-    for wanted in filter(None, (INSTEAD.get(command, command) for command in typed)):
-        copy_of(files, tmp_path)
-        done = CliRunner(env={"TERM": "dumb"}).invoke(main, shlex.split(wanted)[1:], catch_exceptions=False)
-        assert done.exit_code == 0, f"{wanted}\n{done.output}"
+@pytest.mark.parametrize("page", TEXTS, ids=str)
+def test_scripts_that_are_run_exist(page):
+    for name in re.findall(r"(?<![\w/])((?:scripts|\.ci)/[\w.]+)", TEXTS[page]):
+        assert (ROOT / name.rstrip(".")).exists(), name
 
 
-@pytest.mark.parametrize("page", WITH_SNIPPETS, ids=id_of)
-def test_python_on_pages_runs(page, files, tmp_path):
-    if page.name in ELSEWHERE:
-        assert page.name in text_of(ROOT / ELSEWHERE[page.name])
-        return
-    folder = copy_of(files, tmp_path)
-    (folder / "sonocal-demo").mkdir()
-    (folder / "sonocal-demo" / "observations.csv").write_bytes((folder / "needle.csv").read_bytes())
-    for snippet in snippets_in(text_of(page)):
-        program = GIVEN.get(page.name, "") + snippet
-        done = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
+def test_the_table_and_the_picture_of_the_rooms_are_those_that_imports_are_checked_by():
+    text = TEXTS[Path("docs/architecture.md")]
+    assert draw_rooms.with_table(text) == text, "run python -m docs.draw_rooms"
+    assert draw_rooms.PICTURE.read_text(encoding="utf-8") == draw_rooms.picture(), (
+        "run python -m docs.draw_rooms"
+    )
 
 
-@pytest.mark.parametrize("page", WITH_COMMANDS, ids=id_of)
-def test_scripts_and_modules_that_pages_name_are_there_with_their_options(page):
-    for command in commands_in(text_of(page)):
-        words = [word for word in shlex.split(command) if "=" not in word or word.startswith("-")]
-        tool, *rest = words
-        if tool.endswith("python") and rest[0] == "-m" and rest[1].split(".")[0] in ("benchmarks", "scripts", "docs"):
-            check_options(ROOT / (rest[1].replace(".", "/") + ".py"), rest[2:])
-        elif tool.endswith("python") and rest[0].startswith("scripts/"):
-            check_options(ROOT / rest[0], rest[1:])
-        elif tool.endswith("python") and rest[:2] == ["-m", "pytest"]:
-            assert all((ROOT / path).exists() for path in rest[2:])
-        elif tool.startswith("scripts/") or tool == ".ci/run":
-            check_options(ROOT / tool, rest)
+def test_the_picture_has_every_room():
+    shown = set(re.findall(r">([\w., ]+)</text>", draw_rooms.picture()))
+    names = {name for text in shown for name in text.split(", ")}
+    assert names >= (set(ROOMS) | EVERYONE) - {"__main__"}
 
 
-def check_options(script, words):
-    """The file is there, and its source has every option given."""
-    assert script.is_file(), script
-    missing = [word for word in words if word.startswith("--") and word not in text_of(script)]
-    assert not missing, f"{script.name} knows no {missing}"
+def test_arrows_that_are_left_out_follow_from_the_others():
+    drawn = draw_rooms.needed()
+
+    def below(room):
+        return drawn[room].union(*(below(other) for other in drawn[room]))
+
+    for room in drawn:
+        assert below(room) >= ROOMS[room] & set(drawn)
+        assert all(other not in below(via) for other in drawn[room] for via in drawn[room])
 
 
-@pytest.mark.parametrize("page", PAGES, ids=id_of)
-def test_modules_named_in_the_text_are_there(page):
-    for module in re.findall(r"`python -m ((?:benchmarks|scripts|docs)\.\w+)", text_of(page)):
-        assert (ROOT / (module.replace(".", "/") + ".py")).is_file(), module
-
-
-@pytest.mark.parametrize("page", PAGES, ids=id_of)
-def test_links_lead_to_files_and_sections(page):
-    for path, section in re.findall(r"\]\((?!https?:)([^)#\s]*)#?([^)\s]*)\)", text_of(page)):
-        target = (page.parent / path) if path else page
-        assert target.exists(), f"{page.name}: {path}"
-        if section:
-            headings = re.findall(r"^#+ (.+)$", text_of(target), flags=re.M)
-            assert section in {heading.lower().replace(" ", "-") for heading in headings}, f"{path}#{section}"
-
-
-def test_extras_that_pages_install_are_in_the_package():
-    extras = tomllib.loads(text_of(ROOT / "pyproject.toml"))["project"]["optional-dependencies"]
-    named = {name for page in PAGES for name in re.findall(r"(?:sonocal|'\.)\[(\w+)\]", text_of(page))}
-    assert named == set(extras)
-
-
-def test_every_line_in_the_place_of_another_is_on_a_page():
-    assert set(INSTEAD) <= {command for page in PAGES for command in commands_in(text_of(page))}
-
-
-def test_remarks_are_no_part_of_a_command():
-    text = "    sonocal info a.mha   # its faults\n    sonocal tool b \\\n      --tool Needle    the tip\n\n    name = 1\n"
-    assert commands_in(text) == ["sonocal info a.mha", "sonocal tool b --tool Needle"]
-    assert command_of("sonocal study  all") == "sonocal study"
-
-
-def test_snippets_are_python():
-    assert all(ast.parse(snippet) for page in PAGES for snippet in snippets_in(text_of(page)))
+def test_every_decision_is_in_the_index():
+    folder = ROOT / "docs" / "decisions"
+    linked = set(re.findall(r"\]\((\S+\.md)\)", (folder / "README.md").read_text(encoding="utf-8")))
+    assert linked == {path.name for path in folder.glob("*.md")} - {"README.md"}

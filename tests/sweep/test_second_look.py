@@ -43,7 +43,8 @@ def on_needle(dimension):
 
 def looked(scan, find, lines=None, near=None):
     detector, lines = FakeDetector(scan.recording, find), lines or scan.lines
-    look = SecondLook(detector, lines, Posing(), scan.detections)
+    segments = Posing().segments_mm(scan.recording, lines)
+    look = SecondLook(detector, lines, segments, scan.detections)
     if near is None:
         near = tabulate(scan.recording, lines, scan.detections).observations
     return detector, look(scan.probe_from_image, near, 4.8)
@@ -121,7 +122,8 @@ def test_a_needle_found_again_takes_part():
     whole = whole.detections
     detector = FakeDetector(scan.recording, lambda frame, _: whole.points_px[whole.frame == frame])
     rows = tabulate(scan.recording, scan.lines, scan.detections).observations
-    look = SecondLook(detector, scan.lines, Posing(), scan.detections)
+    segments = Posing().segments_mm(scan.recording, scan.lines)
+    look = SecondLook(detector, scan.lines, segments, scan.detections)
     once = calibrate_candidates(rows, sightings=40)
     twice = calibrate_candidates(rows, sightings=40, look_again=look)
     assert once.used == len(scan.detections)

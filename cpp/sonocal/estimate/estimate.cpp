@@ -8,6 +8,7 @@
 #include "sonocal/estimate/likelihood.hpp"
 #include "sonocal/estimate/start.hpp"
 #include "sonocal/linalg/ldlt.hpp"
+#include "sonocal/linalg/product.hpp"
 #include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
@@ -40,7 +41,7 @@ void report_as(const PointLines& rows, const Transform& normalised, const Column
   const Matrix information =
       likelihood ? Matrix(likelihood->information) : Matrix(geometric * (n.size * n.size));
   const Matrix map = tangent_to_original<kParameters>(result.transform, n);
-  result.covariance = map.lazyProduct(Ldlt<kParameters>(information).solve(Matrix(map.transpose())));
+  result.covariance = product(map, Ldlt<kParameters>(information).solve(Matrix(map.transpose())));
   if (likelihood) result.levels = likelihood->levels;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "sonocal/linalg/product.hpp"
 #include "sonocal/linalg/vectors.hpp"
 
 namespace sonocal {
@@ -134,7 +135,7 @@ void NormalEquations::add_linear(const Block& block, const double (*pull)[Block:
 
 double NormalEquations::cost(const Transform& a) const {
   const Theta theta = theta_of(a);
-  return theta.dot(h_.lazyProduct(theta) + 2.0 * g_) + c_;
+  return theta.dot(product(h_, theta) + 2.0 * g_) + c_;
 }
 
 template <int kColumns, int kParameters>
@@ -144,27 +145,25 @@ void NormalEquations::linearise_columns(const Transform& a,
   constexpr int kSize = 3 * kColumns, kScales = kParameters - 6;
   const Columns<kColumns> s = columns_of<kColumns>(a);
   const auto d = columns_jacobian<kColumns, kScales>(s);
-  const auto h_ts = h_.template block<3, kSize>(9, 0);
-  const Eigen::Matrix<double, kSize, 3 + kScales> hd =
-      h_.template topLeftCorner<kSize, kSize>().lazyProduct(d);
-  const Eigen::Matrix<double, 3 + kScales, 3 + kScales> turning = d.transpose().lazyProduct(hd);
-  const Eigen::Matrix<double, 3, 3 + kScales> mixed = h_ts.lazyProduct(d);
-  const Columns<kColumns> by_columns = h_.template topLeftCorner<kSize, kSize>().lazyProduct(s) +
-                                       h_ts.transpose().lazyProduct(a.translation) +
-                                       g_.template head<kSize>();
-  const Eigen::Matrix<double, 3 + kScales, 1> gradient = d.transpose().lazyProduct(by_columns);
+  const Eigen::Matrix<double, kSize, kSize> h_ss = h_.template topLeftCorner<kSize, kSize>();
+  const Eigen::Matrix<double, 3, kSize> h_ts = h_.template block<3, kSize>(9, 0);
+  const Matrix3d h_tt = h_.template bottomRightCorner<3, 3>();
+  const Eigen::Matrix<double, 3 + kScales, 3 + kScales> turning = transposed_product(d, product(h_ss, d));
+  const Eigen::Matrix<double, 3, 3 + kScales> mixed = product(h_ts, d);
+  const Columns<kColumns> by_columns =
+      product(h_ss, s) + transposed_product(h_ts, a.translation) + g_.template head<kSize>();
+  const Eigen::Matrix<double, 3 + kScales, 1> gradient = transposed_product(d, by_columns);
   // The tangent's order: turn, translation, log scales.
   jtj.template topLeftCorner<3, 3>() = turning.template topLeftCorner<3, 3>();
   jtj.template block<3, 3>(3, 0) = mixed.template leftCols<3>();
-  jtj.template block<3, 3>(3, 3) = h_.template bottomRightCorner<3, 3>();
+  jtj.template block<3, 3>(3, 3) = h_tt;
   jtj.template block<kScales, 3>(6, 0) = turning.template bottomLeftCorner<kScales, 3>();
   jtj.template block<kScales, 3>(6, 3) = mixed.template rightCols<kScales>().transpose();
   jtj.template block<kScales, kScales>(6, 6) = turning.template bottomRightCorner<kScales, kScales>();
-  jtj.template triangularView<Eigen::StrictlyUpper>() = jtj.transpose();
+  for (int row = 0; row < kParameters; ++row)
+    for (int column = row + 1; column < kParameters; ++column) jtj(row, column) = jtj(column, row);
   jtr.template head<3>() = gradient.template head<3>();
-  jtr.template segment<3>(3) = h_ts.lazyProduct(s) +
-                               h_.template bottomRightCorner<3, 3>().lazyProduct(a.translation) +
-                               g_.template tail<3>();
+  jtr.template segment<3>(3) = product(h_ts, s) + product(h_tt, a.translation) + g_.template tail<3>();
   jtr.template tail<kScales>() = gradient.template tail<kScales>();
 }
 

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "sonocal/linalg/ldlt.hpp"
+#include "sonocal/linalg/product.hpp"
 #include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
@@ -30,7 +31,7 @@ Eigen::Matrix<double, 3, kCount> solve_symmetric(const Matrix3d& h,
     const Vector3d v = eigen.vectors.col(i);
     if (eigen.values[i] > kFree * eigen.values[2]) inverse += v * v.transpose() / eigen.values[i];
   }
-  return inverse.lazyProduct(b);
+  return product(inverse, b);
 }
 
 // The cost at the best translation for every rotation and scale: residuals are linear in the translation, so
@@ -52,26 +53,26 @@ class RotationScaleCost {
     const Eigen::Matrix<double, 3, kSize> h_ts = all.h().template block<3, kSize>(9, 0);
     const Vector3d g_t = all.g().template tail<3>();
     by_columns_ = solve_symmetric<kSize>(h_tt, h_ts);
-    constant_ = t0 - solve_symmetric<1>(h_tt, g_t + h_tt * t0);
-    h_ = all.h().template topLeftCorner<kSize, kSize>() - h_ts.transpose().lazyProduct(by_columns_);
-    g_ = all.g().template head<kSize>() + h_ts.transpose() * constant_;
+    constant_ = t0 - solve_symmetric<1>(h_tt, g_t + product(h_tt, t0));
+    h_ = all.h().template topLeftCorner<kSize, kSize>();
+    h_ -= transposed_product(h_ts, by_columns_);
+    g_ = all.g().template head<kSize>() + transposed_product(h_ts, constant_);
     c_ = all.c() + g_t.dot(constant_);
   }
 
-  double at(const Vector& s) const { return s.dot(h_.lazyProduct(s) + 2.0 * g_) + c_; }
+  double at(const Vector& s) const { return s.dot(product(h_, s) + 2.0 * g_) + c_; }
 
   // J'J and J'r by (turn, log scales).
   template <int kScales>
   void linearise(const Vector& s, Eigen::Matrix<double, 3 + kScales, 3 + kScales>& jtj,
                  Eigen::Matrix<double, 3 + kScales, 1>& jtr) const {
     const auto d = columns_jacobian<kColumns, kScales>(s);
-    const Eigen::Matrix<double, kSize, 3 + kScales> hd = h_.lazyProduct(d);
-    jtj = d.transpose().lazyProduct(hd);
-    const Vector gradient = h_.lazyProduct(s) + g_;
-    jtr = d.transpose().lazyProduct(gradient);
+    jtj = transposed_product(d, product(h_, d));
+    const Vector gradient = product(h_, s) + g_;
+    jtr = transposed_product(d, gradient);
   }
 
-  Vector3d translation(const Vector& s) const { return constant_ - by_columns_ * s; }
+  Vector3d translation(const Vector& s) const { return constant_ - product(by_columns_, s); }
 
  private:
   Square h_;

@@ -265,7 +265,7 @@ def weakness_findings(
     if worst <= tolerance_mm:
         return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
-    near = near_degeneracy(table.points[fit.inlier], table.segments_mm[fit.inlier], table.dimension)
+    near = near_degeneracy(table, fit.inlier)
     yield from diagnose_weakness(motion, worst, tolerance_mm, near)
 
 

@@ -32,7 +32,7 @@ def groupings_of(mapped: MappedRows, fit: Fit, split: NDArray[np.str_]) -> Group
     frame, target = mapped.table.frame, mapped.table.target
     assert frame is not None
     assert target is not None
-    stretch = stretch_length(mapped.residuals[fit.inlier], group_codes(frame[fit.inlier]))
+    stretch = stretch_length(mapped.residuals[fit.inlier], frame[fit.inlier])
     labels: dict[str, NDArray[Any]] = {"frame": frame, "target": target}
     if stretch > 1:
         labels["stretch"] = group_codes(split, frame // stretch)

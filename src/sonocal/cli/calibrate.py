@@ -162,7 +162,7 @@ def _refuse_mixture(*, recording: bool, given: bool) -> None:
 
 def _from_table(source: Path, options: dict[str, Any]) -> Result:
     import sonocal
-    from sonocal.files.kinds import kind_of
+    from sonocal.cli.formats import kind_of
 
     if source.is_dir():
         raise InputError(
@@ -172,7 +172,7 @@ def _from_table(source: Path, options: dict[str, Any]) -> Result:
         raise InputError(
             f"{source.name}: is a recording; say with --lines which needle or wires were seen in it"
         )
-    if kind not in ("observations", "table"):
+    if kind not in ("observations", None):
         raise InputError(
             f"{source.name}: is a file of kind {kind!r}; give a table of sightings (CSV), or a recording with --lines"
         )

@@ -56,7 +56,7 @@ def from_recording(
         recorded: options of recordings and of detection.
         options: of `sonocal.calibrate`.
     """
-    from sonocal.files.kinds import kind_of
+    from sonocal.cli.formats import kind_of
     from sonocal.observations.table_file import as_file
     from sonocal.recording.formats import read_recording
     from sonocal.targets import read_lines
@@ -102,18 +102,16 @@ def _from_points(recording: Recording, lines: Sequence[Line], points: Path, how:
 
 def _from_images(recording: Recording, lines: Sequence[Line], output: Path, how: dict[str, Any]) -> Result:
     """Find the needle in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
-    from sonocal.detection.recordings import detector_of
     from sonocal.files import write_into_folder
     from sonocal.files.png import png
-    from sonocal.sweep import Options, calibrate_detections
+    from sonocal.sweep import Sweep
     from sonocal.sweep.contact_sheet import contact_sheet
 
-    options = Options.for_lines(recording, lines, **how)
-    detector = detector_of(recording, options.detection)
+    sweep = Sweep.of(recording, lines, **how)
     with progress("detecting") as report:
-        seen = detector.detect(report)
+        seen = sweep.detector.detect(report)
     try:
-        found = calibrate_detections(detector, lines, seen, options)
+        found = sweep.calibrate(seen)
     except SonocalError:
         write_into_folder(output, {SHEET: png(contact_sheet(recording, seen))})
         click.echo(f"Note: {output / SHEET} shows the candidates", err=True)

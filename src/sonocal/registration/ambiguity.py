@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sonocal.geometry import Array, AxisScaled, Similarity, segment_directions
-from sonocal.registration.degeneracy import direction_spread
+from sonocal import _core
+from sonocal.geometry import Array, AxisScaled, Similarity
 from sonocal.registration.fit import Fit
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.rows import PointLineRows
@@ -116,11 +116,10 @@ def mirrored_answer(rows: PointLineRows, fit: Fit) -> Fit | None:
     """
     if rows.dimension == 3:
         return None
-    directions = segment_directions(rows.segments_mm[fit.inlier])
-    if np.degrees(direction_spread(directions)) > WIDEST_CONE_DEG:
+    extent = _core.extent(rows.core, fit.inlier)
+    if np.degrees(extent.direction_spread) > WIDEST_CONE_DEG:
         return None
-    common = np.linalg.eigh(directions.T @ directions)[1][:, 2]
-    start = _mirrored(fit.transform, common, rows.points[fit.inlier].mean(axis=0))
+    start = _mirrored(fit.transform, extent.common, rows.points[fit.inlier].mean(axis=0))
     other = refine_point_lines(start, rows, fit.inlier, fit.levelled)
     turned = np.linalg.norm(other.transform.rotation - fit.transform.rotation)
     return other if turned > SAME_ROTATION else None

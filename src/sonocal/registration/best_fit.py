@@ -31,9 +31,9 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     """
     # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
     # hide it, are known.
-    refuse_degenerate_lines(rows.points, rows.segments_mm, rows.dimension)
+    refuse_degenerate_lines(rows)
     fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
     if fit.least_information < SUSPICIOUS_INFORMATION:
-        refuse_degenerate_lines(rows.points[fit.inlier], rows.segments_mm[fit.inlier], rows.dimension)
+        refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)
     return fit, mirrored

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sonocal import _core
 from sonocal.errors import DegenerateGeometryError
 from sonocal.geometry import Array, segment_directions
+from sonocal.registration.rows import PointLineRows
 
 __all__ = [
     "NearDegeneracy",
@@ -30,13 +33,12 @@ NEAR = 0.15
 SUSPICIOUS_INFORMATION = 1e-5
 
 
-def refuse_degenerate_lines(points: Array, segments_mm: Array, dimension: int) -> None:
+def refuse_degenerate_lines(rows: PointLineRows, chosen: NDArray[np.bool_] | None = None) -> None:
     """Raise if the sightings leave a motion free, whatever the calibration.
 
     Args:
-        points: (N, 3), px.
-        segments_mm: (N, 2, 3).
-        dimension: 2 or 3, the probe's.
+        rows: points and lines.
+        chosen: (N,), those that count; None: all.
 
     Raises:
         DegenerateGeometryError: parallel lines, lines through one point, and in 2D coplanar lines or
@@ -44,25 +46,32 @@ def refuse_degenerate_lines(points: Array, segments_mm: Array, dimension: int) -
 
     Source: paper section 7.
     """
-    directions = segment_directions(segments_mm)
-    if direction_spread(directions) < EXACT_ANGLE:
+    extent = _core.extent(rows.core, chosen)
+    if extent.direction_spread < EXACT_ANGLE:
         raise DegenerateGeometryError(
-            f"all {len(points)} lines are parallel, so the image can slide along them; "
+            f"all {_count(rows, chosen)} lines are parallel, so the image can slide along them; "
             "tilt the needle between sightings, by 30 degrees or more",
             code="parallel-lines",
         )
-    size, _, thickness = _spread(segments_mm.reshape(-1, 3))
-    meeting, distance = _nearest_point(directions, segments_mm[:, 0])
-    if distance < EXACT_LENGTH * size:
-        x, y, z = meeting
+    size, _, thickness = extent.ends.tolist()
+    if extent.meeting_distance < EXACT_LENGTH * size:
+        x, y, z = extent.meeting
         raise DegenerateGeometryError(
-            f"all {len(points)} lines pass through one point, ({x:.3g}, {y:.3g}, {z:.3g}) mm in the probe "
+            f"all {_count(rows, chosen)} lines pass through one point, ({x:.3g}, {y:.3g}, {z:.3g}) mm in the probe "
             "marker's frame, so the scale is free; move the needle sideways as well as turning it",
             code="lines-through-one-point",
         )
-    coplanar = thickness < EXACT_LENGTH * size
-    if dimension == 2:
-        _refuse_flat_image(points, coplanar)
+    if rows.dimension == 2:
+        _refuse_flat_image(extent.points.tolist(), _count(rows, chosen), thickness < EXACT_LENGTH * size)
+
+
+def _count(rows: PointLineRows, chosen: NDArray[np.bool_] | None) -> int:
+    return len(rows) if chosen is None else int(np.count_nonzero(chosen))
+
+
+def direction_spread(rows: PointLineRows) -> float:
+    """Root mean square angle (rad, small angles) of the lines to their common direction."""
+    return _core.extent(rows.core).direction_spread
 
 
 def refuse_free_motion(least_information: float) -> None:
@@ -92,21 +101,20 @@ class NearDegeneracy:
     advice: str
 
 
-def near_degeneracy(points: Array, segments_mm: Array, dimension: int) -> NearDegeneracy | None:
+def near_degeneracy(rows: PointLineRows, chosen: NDArray[np.bool_]) -> NearDegeneracy | None:
     """The configuration that the sightings are nearest to, or None where they are far from all.
 
     Args:
-        points: (N, 3), px.
-        segments_mm: (N, 2, 3).
-        dimension: 2 or 3, the probe's.
+        rows: points and lines.
+        chosen: (N,), those that count.
 
     Source: paper section 7.
     """
-    directions = segment_directions(segments_mm)
-    cone = _cone_deg(directions)
-    size, _, thickness = _spread(segments_mm.reshape(-1, 3))
-    along, across, _ = _spread(points)
-    meeting = _nearest_point(directions, segments_mm[:, 0])[1] if cone > 0 else size
+    extent = _core.extent(rows.core, chosen)
+    cone = _cone_deg(segment_directions(rows.segments_mm[chosen]), extent.common)
+    size, _, thickness = extent.ends.tolist()
+    along, across, _ = extent.points.tolist()
+    meeting = extent.meeting_distance if cone > 0 else size
     found = [
         (
             cone / NEAR_CONE_DEG,
@@ -119,7 +127,7 @@ def near_degeneracy(points: Array, segments_mm: Array, dimension: int) -> NearDe
             "add sightings with the needle moved sideways as well as turned",
         ),
     ]
-    if dimension == 2:
+    if rows.dimension == 2:
         flat = thickness < NEAR * size
         found += [
             (
@@ -137,23 +145,16 @@ def near_degeneracy(points: Array, segments_mm: Array, dimension: int) -> NearDe
     return NearDegeneracy(cause, advice) if nearness < 1 else None
 
 
-def _cone_deg(directions: Array) -> float:
-    """Half the opening of the cone about the principal direction that holds 95 % of the lines, degrees."""
-    principal = np.linalg.eigh(directions.T @ directions)[1][:, -1]
-    return float(np.degrees(np.arccos(np.quantile(np.clip(np.abs(directions @ principal), 0, 1), 0.05))))
+def _cone_deg(directions: Array, common: Array) -> float:
+    """Half the opening of the cone about the common direction that holds 95 % of the lines (N, 3), degrees."""
+    return float(np.degrees(np.arccos(np.quantile(np.clip(np.abs(directions @ common), 0, 1), 0.05))))
 
 
-def direction_spread(directions: Array) -> float:
-    """Root mean square angle (rad, small angles) of lines (N, 3) to their common direction."""
-    values = np.linalg.eigvalsh(directions.T @ directions / len(directions))
-    return float(np.sqrt(max(values[0] + values[1], 0.0)))
-
-
-def _refuse_flat_image(points: Array, coplanar: bool) -> None:
-    along, across, _ = _spread(points)
+def _refuse_flat_image(extents: list[float], count: int, coplanar: bool) -> None:
+    along, across, _ = extents
     if along == 0:
         raise DegenerateGeometryError(
-            f"all {len(points)} rows have the same image point, so the image can turn about it; "
+            f"all {count} rows have the same image point, so the image can turn about it; "
             "scan the needle at places all over the image",
             code="one-image-point",
         )
@@ -165,25 +166,7 @@ def _refuse_flat_image(points: Array, coplanar: bool) -> None:
         else ("image points lie on one line")
     )
     raise DegenerateGeometryError(
-        f"all {len(points)} {what} and the image can turn about it; "
+        f"all {count} {what} and the image can turn about it; "
         "scan the needle at places all over the image, with tilts in two directions",
         code="coplanar-lines" if coplanar else "collinear-image-points",
     )
-
-
-def _spread(points: Array) -> Array:
-    """Root mean square extents (3,) along the principal axes, largest first."""
-    centred = points - points.mean(axis=0)
-    squares = np.linalg.eigvalsh(centred.T @ centred)[::-1] / len(points)
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
-
-
-def _nearest_point(directions: Array, on_lines: Array) -> tuple[Array, float]:
-    """The point nearest to all lines, which are not all parallel, and its root mean square distance."""
-    centre = on_lines.mean(axis=0)
-    away = on_lines - centre
-    feet = away - np.einsum("ni,ni->n", away, directions)[:, None] * directions
-    across = len(directions) * np.eye(3) - directions.T @ directions
-    nearest = np.linalg.solve(across, feet.sum(axis=0))
-    left = feet - nearest + (directions @ nearest)[:, None] * directions
-    return nearest + centre, float(np.sqrt(np.einsum("ni,ni->", left, left) / len(left)))

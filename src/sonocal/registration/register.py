@@ -145,10 +145,10 @@ def _register_lines(lines: PointLineRows, options: Options) -> Registration:
     try:
         fit = fit_point_lines(lines, options)
     except NoConsensusError:
-        refuse_degenerate_lines(lines.points, lines.segments_mm, lines.dimension)
+        refuse_degenerate_lines(lines)
         raise
     if fit.least_information < SUSPICIOUS_INFORMATION:
-        refuse_degenerate_lines(lines.points[fit.inlier], lines.segments_mm[fit.inlier], lines.dimension)
+        refuse_degenerate_lines(lines, fit.inlier)
         refuse_free_motion(fit.least_information)
     residuals, inlier = fit.residuals_mm, fit.inlier
     if lines.dimension == 3:  # both points of a line

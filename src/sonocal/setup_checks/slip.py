@@ -23,9 +23,7 @@ LEAST_SLIP_MM = 1.0
 # A slip taken away leaves most rows nearer to their lines, which a few outliers cannot feign.
 LEAST_SHRINKING = 0.1
 DRIFTING_FRAMES = 3
-# Residual variances that six motions explain by chance at the best of the moments in most orders of the frames: a
-# step that explains less is beaten by some of hundreds of orders.
-CHANCE = 12.0
+# How many orders are tried at once, at first.
 FIRST_BATCH = 4
 IDENTITY = np.eye(8)
 # Of the moments of all frames in one batch of orders: what bounds the memory of long scans.
@@ -64,7 +62,7 @@ def slip_findings(motion: Motion, latency: float, seed: int) -> Iterator[Diagnos
     if not _rms(motion.displaced[:, :, :6] @ step.motion[best]) > 0.99 * LEAST_SLIP_MM:
         return
     explained, by_chance = float(step.explained[best]), test.explained_by_chance(seed)
-    if not explained > CHANCE * _variance(motion) or next(by_chance) >= explained:
+    if next(by_chance) >= explained:
         return
     split = int(test.splits[best])
     moved, share, drifts = _step(motion, latency, split)
@@ -128,12 +126,6 @@ class _ChangePoint:
             orders = np.array([rng.permutation(frames) for _ in range(size)])
             yield float(self.steps(orders).explained.max())
             done, size = done + size, 2 * size
-
-
-def _variance(motion: Motion) -> float:
-    """Of the residuals across the line, along each of two axes."""
-    squares = np.einsum("ni,ni->", motion.residuals, motion.residuals)
-    return float(squares / max(2 * len(motion.residuals) - motion.parameters, 1))
 
 
 def _pseudo_inverse(matrix: Array) -> Array:

@@ -1,6 +1,6 @@
 """From a recording to a calibration: detections, the table of sightings, choice, a second look."""
 
-from sonocal.sweep.calibrate import calibrate_detections, calibrate_points, calibrate_recording
+from sonocal.sweep.calibrate import Sweep, calibrate_points, calibrate_recording
 from sonocal.sweep.choice import CandidateCalibration, calibrate_candidates
 from sonocal.sweep.options import Options, PointsOptions
 from sonocal.sweep.tabulate import Posing, Sightings, tabulate
@@ -11,8 +11,8 @@ __all__ = [
     "PointsOptions",
     "Posing",
     "Sightings",
+    "Sweep",
     "calibrate_candidates",
-    "calibrate_detections",
     "calibrate_points",
     "calibrate_recording",
     "tabulate",

@@ -1,30 +1,44 @@
 """From a recording of a needle to a calibration: detection, the table of candidates, choice, a second look.
 
-A needle's point takes these forms on its way: the core's array of blobs (or a volume's lines); points, covariances and
-scores of one image; `Detections` of the recording; `Observations`, the table against lines in the probe marker's
-frame; `PointLineRows`, as the core takes it; and the CSV file of the rows that were chosen.
+A needle's point takes seven forms between its image and the file:
+
+1. a row of the core's array of blobs; in a volume, a `LineCandidate`
+2. points, covariances and scores of one image, from the detector
+3. `Detections` of the recording, checked here and nowhere later
+4. `Observations`: each detection against its line in the probe marker's frame (`tabulate`); choosing selects rows of it
+5. `PointLineRows`: the columns that registration takes, selected by masks
+6. the core's own table of them, whose lengths and signs it checks
+7. the text of ``observations.csv``: the chosen rows, with the name and digest that validation will know them by
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Unpack
 
 from sonocal.calibration import Calibration, calibrate
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError
+from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health
 from sonocal.recording.health import Progress
 from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
-from sonocal.sweep.options import Options, PointsOptions, of_calibrate, telling_threshold_mm
+from sonocal.sweep.options import (
+    Keywords,
+    Options,
+    PointsKeywords,
+    PointsOptions,
+    of_calibrate,
+    telling_threshold_mm,
+)
 from sonocal.sweep.second_look import SecondLook
-from sonocal.sweep.tabulate import tabulate
+from sonocal.sweep.tabulate import tabulate, tabulated
 from sonocal.targets import Line
 
-__all__ = ["calibrate_detections", "calibrate_points", "calibrate_recording", "no_candidates"]
+__all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
 
 
 def calibrate_recording(
@@ -33,7 +47,7 @@ def calibrate_recording(
     *,
     detections: Detections | None = None,
     progress: Progress | None = None,
-    **keywords: Any,
+    **options: Unpack[Keywords],
 ) -> CandidateCalibration:
     """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
 
@@ -42,42 +56,89 @@ def calibrate_recording(
         lines: the needles and wires, see `read_lines`.
         detections: what `detect` found, where that was done before.
         progress: called with how many images are done and how many there are.
-        keywords: options of `sonocal.sweep.Options`: of detection (count, mask, centre), of what connects the lines to
-            the probe (probe, fixed, on_invalid), of choosing (threshold_mm, second_look) and of `sonocal.calibrate`.
+        **options: any of those of `sonocal.calibrate`, and of the following, by name.
+
+            What to look for in the images:
+            count (5, in volumes 3): candidates an image at the most.
+            mask (found from the recording): (rows, columns), True where to look; for images.
+            centre ("head"): of a bright spot its first echo, without the tail: needles; "mass": all of it, as PLUS
+            segments wires; for images.
+
+            What connects the lines to the probe:
+            probe ("Probe"): the tool that the probe's marker is called.
+            fixed (None): constant ``(target, source) -> (4, 4)``, such as a device set's.
+            on_invalid ("raise"): refuse poses marked valid that are not rigid, or "skip" them.
+
+            What to choose:
+            threshold_mm (5, or a fifth of the distance between lines of one frame, so that they are not taken for
+            one another): candidates further than this from their needle are wrong; "auto": that is the most, and of
+            the chosen rows those are outliers that are further off than 3.3 standard deviations of their noise.
+            second_look (True): look again, for fainter ones, near where the calibrated needle must be.
+
+    Returns:
+        The calibration, the rows it rests on, and what became of the others.
 
     Raises:
         NoConsensusError: nothing in the images moves like the needle.
         DegenerateGeometryError: the sightings leave a motion free.
         InputError: the recording lacks images or poses, or an option does not exist or means nothing.
     """
-    options = Options.for_lines(recording, lines, **keywords)
-    detector = detector_of(recording, options.detection)
-    options.posing.segments_mm(recording, lines)  # refused before images are decoded
-    found = detector.detect(progress) if detections is None else detections
-    return calibrate_detections(detector, lines, found, options)
+    sweep = Sweep.of(recording, lines, **options)
+    return sweep.calibrate(sweep.detector.detect(progress) if detections is None else detections)
 
 
-def calibrate_detections(
-    detector: Detector, lines: Sequence[Line], detections: Detections, options: Options
-) -> CandidateCalibration:
-    """As `calibrate_recording`, from what a detector has found already.
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """A needle or wires in a recording: `calibrate_recording` in steps, for whoever looks at what was detected.
 
-    Args:
-        detector: of the recording's images, for a second look.
+    What can be refused without decoding an image was refused when it was made.
+
+    Attributes:
+        recording: images and poses.
         lines: the needles and wires.
-        detections: several an image, of which at most one a line is right.
-        options: how to choose and calibrate.
+        options: how to detect, choose and calibrate.
+        detector: looks into the images.
+        segments_mm: (N, L, 2, 3): the lines' ends in every item, in the probe marker's frame.
     """
-    recording = detector.recording
-    if len(detections) == 0:
-        raise no_candidates(recording.name, detections.images)
-    # How well an echo is placed is not told: a needle bends and sound is refracted, so that echo and needle part by
-    # more. Taken for all of the image's noise, it would leave the rest to the tracker, and so to the wrong sightings.
-    table = tabulate(recording, lines, detections, options.posing).observations.with_sound(sigma_px=None)
-    look = SecondLook(detector, lines, options.posing, detections) if options.second_look else None
-    sightings, most_mm = detections.images * len(lines), telling_threshold_mm(lines)
-    chosen = calibrate_chosen(table, options, sightings, look, most_mm)
-    return replace(chosen, calibration=_as_recorded(chosen.calibration, recording, lines, options.probe))
+
+    recording: Recording
+    lines: Sequence[Line]
+    options: Options
+    detector: Detector
+    segments_mm: Array
+
+    @classmethod
+    def of(cls, recording: Recording, lines: Sequence[Line], **options: Unpack[Keywords]) -> Sweep:
+        """As `calibrate_recording`.
+
+        Raises:
+            InputError: the recording lacks images, nothing connects a line to the probe, or an option does not exist
+                or means nothing.
+        """
+        asked = Options.for_lines(recording, lines, **options)
+        detector = detector_of(recording, asked.detection)
+        return cls(recording, lines, asked, detector, asked.posing.segments_mm(recording, lines))
+
+    def calibrate(self, detections: Detections) -> CandidateCalibration:
+        """Choose among what was detected, look again, and calibrate.
+
+        Raises:
+            NoConsensusError, DegenerateGeometryError: as `calibrate_recording`.
+            InputError: no detection is in a frame with valid poses, or they are of other images.
+        """
+        name, images = self.recording.name, detections.images
+        if len(detections) == 0:
+            raise no_candidates(name, images)
+        table = tabulated(self.recording, self.lines, detections, self.segments_mm).observations
+        # How well an echo is placed is not told: a needle bends and sound is refracted, so that echo and needle part
+        # by more. Taken for all of the image's noise, it would leave the rest to the tracker: to wrong sightings.
+        table = table.with_sound(sigma_px=None)
+        again = self.options.second_look
+        look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
+        most_mm = telling_threshold_mm(self.lines)
+        found = calibrate_chosen(table, self.options, images * len(self.lines), look, most_mm)
+        recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
+        return replace(found, calibration=recorded)
 
 
 def no_candidates(name: str, images: int) -> NoConsensusError:
@@ -90,7 +151,7 @@ def no_candidates(name: str, images: int) -> NoConsensusError:
 
 
 def calibrate_points(
-    recording: Recording, lines: Sequence[Line], detections: Detections, **keywords: Any
+    recording: Recording, lines: Sequence[Line], detections: Detections, **options: Unpack[PointsKeywords]
 ) -> tuple[Calibration, Observations]:
     """Calibrate a probe from a recording and points that were found in its images by other means.
 
@@ -98,8 +159,7 @@ def calibrate_points(
         recording: poses, with any latency undone, and images that need not be decoded.
         lines: the needles and wires, see `read_lines`.
         detections: the points, see `read_detections`.
-        keywords: options of `sonocal.sweep.PointsOptions`: of what connects the lines to the probe (probe, fixed,
-            on_invalid) and of `sonocal.calibrate`.
+        **options: any of those of `sonocal.calibrate`, and `probe`, `fixed` and `on_invalid` of `calibrate_recording`.
 
     Returns:
         The calibration, and the table of sightings that it was fitted to.
@@ -109,16 +169,16 @@ def calibrate_points(
             exist or means nothing.
         DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
     """
-    options = PointsOptions.for_recording(recording, **keywords)
+    asked = PointsOptions.for_recording(recording, **options)
     if len(lines) > 1 and (detections.target == "").any():
         raise InputError(
             f"{detections.source}: target '' is none of the lines {', '.join(line.name for line in lines)[:200]}; "
             "name one"
         )
-    sightings = tabulate(recording, lines, detections, options.posing)
-    found = calibrate(sightings.observations, **of_calibrate(options))
-    found = replace(found, diagnostics=(*found.diagnostics, *sightings.diagnostics))
-    return _as_recorded(found, recording, lines, options.probe), sightings.observations
+    sightings = tabulate(recording, lines, detections, asked.posing)
+    found = calibrate(sightings.observations, **of_calibrate(asked))
+    found = found.with_findings(sightings.diagnostics)
+    return _as_recorded(found, recording, lines, asked.probe), sightings.observations
 
 
 def _as_recorded(
@@ -132,5 +192,4 @@ def _as_recorded(
     poses = {name: one for name, one in recording.poses.items() if one.source.lower() in tools}
     noticed = health(replace(recording, poses=poses), look_at_images=False)
     worth = [one for one in noticed if one.severity == "warning" or one in recording.diagnostics]
-    merged = sorted([*calibration.diagnostics, *worth], key=lambda one: one.severity != "warning")
-    return replace(calibration, diagnostics=tuple(merged), latency_s=recording.latency_s or None)
+    return replace(calibration.with_findings(worth), latency_s=recording.latency_s or None)

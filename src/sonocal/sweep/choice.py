@@ -8,19 +8,20 @@ only; what was chosen is calibrated once.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal, Unpack
 
 import numpy as np
 
 from sonocal.calibration import Calibration, calibrate
+from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, SonocalError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import AxisScaled
 from sonocal.observations import Observations
 from sonocal.sweep.candidates import Candidates, Mask
-from sonocal.sweep.options import of_calibrate
+from sonocal.sweep.options import of_calibrate, refuse_splits
 
 __all__ = ["CandidateCalibration", "LookAgain", "calibrate_candidates", "calibrate_chosen"]
 
@@ -70,7 +71,7 @@ def calibrate_candidates(
     *,
     sightings: int | None = None,
     look_again: LookAgain | None = None,
-    **keywords: Any,
+    **options: Unpack[CalibrationKeywords],
 ) -> CandidateCalibration:
     """Calibrate from several candidates a sighting, of which at most one is right.
 
@@ -80,7 +81,8 @@ def calibrate_candidates(
         sightings: images and needles looked at, where some had no candidate at all.
         look_again: finds further candidates, once a fit says where needles must be: given it, the candidates within
             a distance of their needles, and that distance in mm.
-        keywords: options of `sonocal.calibrate`; candidates further than `threshold_mm` from their needle are wrong.
+        **options: those of `sonocal.calibrate` without its splits, by name; candidates further than `threshold_mm`
+            from their needle are wrong.
 
     Returns:
         The calibration and the share of images that it rests on.
@@ -90,7 +92,9 @@ def calibrate_candidates(
         DegenerateGeometryError: the sightings leave a motion free.
         InputError: there are too few candidates, or an option means nothing.
     """
-    return calibrate_chosen(candidates, Options.of(**keywords), sightings or 0, look_again)
+    asked = Options.of(**options)
+    refuse_splits(asked, "candidates are chosen first")
+    return calibrate_chosen(candidates, asked, sightings or 0, look_again)
 
 
 def calibrate_chosen(
@@ -115,8 +119,7 @@ def calibrate_chosen(
         "no candidate or no pose": total - table.count,
         "no candidate near the needle": table.count - used,
     }
-    diagnostics = (*calibration.diagnostics, _report(used, total, reasons))
-    calibration = replace(calibration, diagnostics=diagnostics)
+    calibration = calibration.with_findings([_report(used, total, reasons)])
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
 
 

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options as CalibrationOptions
 from sonocal.detection.options import Centre, DetectionOptions, check_detection_options
 from sonocal.errors import InputError
@@ -17,12 +18,37 @@ from sonocal.recording.poses import OnInvalid
 from sonocal.sweep.tabulate import Fixed, Posing, check_posing
 from sonocal.targets import Line
 
-__all__ = ["Options", "PointsOptions", "of_calibrate", "telling_threshold_mm"]
+__all__ = [
+    "Keywords",
+    "Options",
+    "PointsKeywords",
+    "PointsOptions",
+    "of_calibrate",
+    "refuse_splits",
+    "telling_threshold_mm",
+]
 
 THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
 SPACING_SHARE = 0.2
 """Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
 LINE_SAMPLES = 64
+
+
+class PointsKeywords(CalibrationKeywords, total=False):
+    """The options of given points as keywords of `calibrate_points`, which says what each means."""
+
+    probe: str
+    fixed: Fixed
+    on_invalid: OnInvalid
+
+
+class Keywords(PointsKeywords, total=False):
+    """The options as keywords of `calibrate_recording`, which says what each means."""
+
+    count: int | None
+    mask: NDArray[np.bool_] | None
+    centre: Centre | None
+    second_look: bool
 
 
 @dataclass(frozen=True)
@@ -42,9 +68,7 @@ class PointsOptions(CalibrationOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_posing(self.probe, self.fixed, self.on_invalid)
-        for name in ("fit_split", "test_split"):
-            if getattr(self, name) is not None:
-                raise InputError(f"{name} is for tables; a recording has no splits, leave it out")
+        refuse_splits(self, "a recording has no splits")
 
     @classmethod
     def for_recording(cls, recording: Recording, **keywords: Any) -> Self:
@@ -98,6 +122,17 @@ class Options(PointsOptions):
     def detection(self) -> DetectionOptions:
         """What to look for in the images."""
         return DetectionOptions(self.count, self.mask, self.centre)
+
+
+def refuse_splits(options: CalibrationOptions, why: str) -> None:
+    """Refuse what chooses among the rows of a table.
+
+    Raises:
+        InputError: a split was asked for.
+    """
+    for name in ("fit_split", "test_split"):
+        if getattr(options, name) is not None:
+            raise InputError(f"{name} is for tables; {why}, leave it out")
 
 
 def of_calibrate(options: CalibrationOptions, **changes: Any) -> dict[str, Any]:

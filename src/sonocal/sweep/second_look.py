@@ -10,7 +10,7 @@ from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector
 from sonocal.geometry import Array, AxisScaled, predicted_needles
 from sonocal.observations import Observations
-from sonocal.sweep.tabulate import Posing, tabulate
+from sonocal.sweep.tabulate import tabulated
 from sonocal.targets import Line
 
 __all__ = ["SecondLook"]
@@ -25,18 +25,18 @@ class SecondLook:
     Args:
         detector: looks into the recording's images.
         lines: the needles and wires.
-        posing: how they come into the probe marker's frame.
+        segments_mm: (N, L, 2, 3): their ends in every item of the recording, in the probe marker's frame.
         first: what the first look found: it is not found again.
     """
 
-    def __init__(self, detector: Detector, lines: Sequence[Line], posing: Posing, first: Detections) -> None:
-        self._detector, self._lines, self._posing = detector, lines, posing
+    def __init__(
+        self, detector: Detector, lines: Sequence[Line], segments_mm: Array, first: Detections
+    ) -> None:
+        self._detector, self._lines, self._all_segments = detector, lines, segments_mm
         self._known = set(_keys(first.frame.tolist(), first.points_px))
-        recording = detector.recording
-        segments = posing.segments_mm(recording, lines)
-        posed = np.isfinite(segments).all(axis=(2, 3)) & recording.image_valid[:, None]
+        posed = np.isfinite(segments_mm).all(axis=(2, 3)) & detector.recording.image_valid[:, None]
         frame, line = np.nonzero(posed)
-        self._frame, self._segments = frame.tolist(), segments[posed]
+        self._frame, self._segments = frame.tolist(), segments_mm[posed]
         self._target = [lines[i].name for i in line.tolist()]
 
     def __call__(
@@ -62,7 +62,8 @@ class SecondLook:
             target=np.array(targets),
             source=near.source,
         )
-        return tabulate(self._detector.recording, self._lines, further, self._posing).observations
+        recording = self._detector.recording
+        return tabulated(recording, self._lines, further, self._all_segments).observations
 
     def _unknown(self, frame: int, needle: Array, reach_px: float) -> Iterator[Array]:
         """(P, D) px: places near a needle that the first look did not find."""

@@ -18,7 +18,7 @@ from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import Line, check_lines
 
-__all__ = ["Fixed", "Posing", "Sightings", "check_posing", "tabulate"]
+__all__ = ["Fixed", "Posing", "Sightings", "check_posing", "tabulate", "tabulated"]
 
 Fixed = Mapping[tuple[str, str], ArrayLike] | None
 
@@ -118,9 +118,16 @@ def tabulate(
         InputError: a detection names no line or no frame of the recording, no chain of transforms leads from a line
             to the probe, or nothing is left.
     """
+    return tabulated(recording, lines, detections, (posing or Posing()).segments_mm(recording, lines))
+
+
+def tabulated(
+    recording: Recording, lines: Sequence[Line], detections: Detections, segments_mm: Array
+) -> Sightings:
+    """As `tabulate`, with the lines' ends (N, L, 2, 3) in every item of the recording."""
     row, line = _trials(lines, detections)
     _check_places(recording, detections)
-    segments = (posing or Posing()).segments_mm(recording, lines)[detections.frame[row], line]
+    segments = segments_mm[detections.frame[row], line]
     posed = np.asarray(np.isfinite(segments).all(axis=(1, 2)))
     seen = (
         np.full(len(row), True) if not len(recording.frames) else recording.image_valid[detections.frame[row]]

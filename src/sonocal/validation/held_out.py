@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sonocal.calibration import Calibration, line_distances, point_line_rows
 from sonocal.calibration.held_out import independent_units
 from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError
-from sonocal.geometry import Array, AxisScaled, homogeneous_points
+from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import FREE_INFORMATION, refuse_degenerate_lines
 from sonocal.registration.options import Options, Weighting
@@ -98,13 +98,13 @@ def refitted(calibration: Calibration, rows: Observations, keep: NDArray[np.bool
         InputError: fewer rows are left than there are unknowns.
         DegenerateGeometryError: they leave a motion free.
     """
-    points = homogeneous_points(rows.points_px)
     if 2 * np.count_nonzero(keep) < 7 + (calibration.model == "anisotropic"):
         raise InputError(f"{rows.source}: {np.count_nonzero(keep)} rows are left, too few to fit")
-    refuse_degenerate_lines(points[keep], rows.segments_mm[keep], rows.dimension)
+    table = point_line_rows(rows)
+    refuse_degenerate_lines(table, keep)
     weighting: Weighting = "geometric" if calibration.noise.sigma_px is None else "likelihood"
     options = Options(model=calibration.model, weighting=weighting)
-    fit = refine_point_lines(calibration.probe_from_image, point_line_rows(rows), keep, options)
+    fit = refine_point_lines(calibration.probe_from_image, table, keep, options)
     if not fit.least_information > FREE_INFORMATION:
         raise DegenerateGeometryError(
             f"{rows.source}: the {np.count_nonzero(keep)} rows that are left leave a motion of the image free; "

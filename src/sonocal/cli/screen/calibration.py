@@ -10,13 +10,13 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from sonocal.calibration import Calibration, ErrorStatistics
+from sonocal.calibration import Calibration, ErrorStatistics, point_line_rows
 from sonocal.cli.screen.parts import (
     number_table,
     print_findings,
     verdict_text,
 )
-from sonocal.geometry import segment_directions, similarity_errors
+from sonocal.geometry import similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
 from sonocal.simulation.scene import SimulatedSightings
@@ -92,7 +92,7 @@ def observation_splits(observations: Observations) -> list[dict[str, Any]]:
             "frames": len(set(part.frame.tolist())),
             "targets": len(set(part.target.tolist())),
             "box_px": [part.points_px.min(0).tolist(), part.points_px.max(0).tolist()],
-            "tilt_spread_deg": float(np.degrees(direction_spread(segment_directions(part.segments_mm)))),
+            "tilt_spread_deg": float(np.degrees(direction_spread(point_line_rows(part)))),
         }
         for name, part in parts.items()
     ]

@@ -5,22 +5,19 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from sonocal.errors import InputError
+from sonocal.errors import UnsupportedError
 from sonocal.files import writing
-from sonocal.recording.formats.metaio import (
+from sonocal.recording.formats.parts.item_lines import item_lines
+from sonocal.recording.formats.parts.metaio_header import ELEMENT_TYPES, FIELD, STRUCTURE
+from sonocal.recording.formats.parts.written import (
+    check_field,
     is_sequence,
-    structure_of,
-)
-from sonocal.recording.formats.sequence_fields import (
-    PREFIX,
-    item_lines,
-)
-from sonocal.recording.formats.written import (
     kept_fields,
+    little_endian,
     pixels_of,
     stored_orientation,
 )
@@ -48,12 +45,11 @@ def write_metaio(recording: Recording, path: str | Path, compress: bool = True) 
     """
     path = Path(path)
     compress = compress and recording.image is not None
-    if path.suffix == ".mhd":
+    if path.suffix.lower() == ".mhd":
         data = path.with_suffix(".zraw" if compress else ".raw")
-        with writing(data) as pixels:
-            size = _write_pixels(recording, pixels, compress)
-        with writing(path) as header:
+        with writing(data) as pixels, writing(path) as header:  # both or neither
             _write_header(recording, header, compress, data.name)
+            size = _write_pixels(recording, pixels, compress)
             _fill_size(header, size, compress)
         return
     with writing(path) as file:
@@ -65,43 +61,56 @@ def write_metaio(recording: Recording, path: str | Path, compress: bool = True) 
 def _write_header(recording: Recording, file: BinaryIO, compress: bool, data: str) -> None:
     # MetaIO reads on after ElementDataFile, so that field comes last.
     for key, text in _header_lines(recording, compress):
-        if "\n" in text or "\r" in text or "=" in key:
-            raise InputError(
-                f"{recording.name}: field {key!r} holds a line break or '=' and cannot stand in a header"
-            )
         file.write(f"{key} = {text}\n".encode())
     file.write(f"ElementDataFile = {data}\n".encode())
 
 
 def _header_lines(recording: Recording, compress: bool) -> Iterator[tuple[str, str]]:
-    for key, text in structure_of(recording, compress).items():
+    for key, text in _structure(recording, compress).items():
         yield key, text
         if key == "CompressedData" and compress:
             yield "CompressedDataSize", " " * SIZE_DIGITS
-    if recording.image is not None or "UltrasoundImageOrientation" in recording.fields:
+    if recording.image is not None:
         yield "UltrasoundImageOrientation", stored_orientation(recording)
-    yield from kept_fields(recording, "metaio").items()
+    for key, text in kept_fields(recording, "metaio").items():
+        check_field(recording, key, text, FIELD, STRUCTURE)
+        yield key, text
     if is_sequence(recording):
-        yield from _described(recording)
+        yield from item_lines(recording)
 
 
-def _described(recording: Recording) -> Iterator[tuple[str, str]]:
-    """The fields of the items; a status where there are none, for only they tell a sequence from a volume."""
-    lines = item_lines(recording)
-    first = next(lines, None)
-    if first is None:
-        yield from ((f"{PREFIX}{i:04d}_ImageStatus", "OK") for i in range(len(recording)))
-        return
-    yield first
-    yield from lines
+def _structure(recording: Recording, compress: bool) -> dict[str, str]:
+    """The header fields that the format itself defines, for a recording to be written."""
+    image = recording.image
+    sequence = is_sequence(recording)
+    sizes = (0, 0) if image is None else image.size_px
+    dims = [*sizes, len(recording)] if sequence else list(sizes)
+    kinds = ["domain"] * len(sizes) + ["list"] * sequence
+    return {
+        "ObjectType": "Image",
+        "NDims": str(len(dims)),
+        "BinaryData": "True",
+        "BinaryDataByteOrderMSB": "False",
+        "CompressedData": str(compress),
+        "DimSize": " ".join(map(str, dims)),
+        "Kinds": " ".join(kinds),
+        "ElementNumberOfChannels": str(1 if image is None else image.channels),
+        "ElementType": "MET_OTHER" if image is None else _element_type(recording.name, np.dtype(image.dtype)),
+    }
+
+
+def _element_type(name: str, dtype: np.dtype[Any]) -> str:
+    for element, code in ELEMENT_TYPES.items():
+        if np.dtype(code) == dtype:
+            return element
+    raise UnsupportedError(f"{name}: pixels of type {dtype} have no MetaIO type; convert them to uint8")
 
 
 def _write_pixels(recording: Recording, file: BinaryIO, compress: bool) -> int:
     deflate = zlib.compressobj()
     written = 0
     for frame in pixels_of(recording):
-        data = frame.astype(frame.dtype.newbyteorder("<"), copy=False)
-        block = np.ascontiguousarray(data).data
+        block = little_endian(frame)
         written += file.write(deflate.compress(block) if compress else block)
     if compress:
         written += file.write(deflate.flush())

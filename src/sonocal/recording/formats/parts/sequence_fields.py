@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import warnings
 from collections.abc import Iterator, Mapping
@@ -16,10 +15,9 @@ import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.geometry import Array
-from sonocal.recording.model import Recording
 from sonocal.recording.poses import Poses, by_name
 
-__all__ = ["PREFIX", "ItemFields", "interpret", "item_lines"]
+__all__ = ["IMAGE_STATUS", "PREFIX", "TRANSFORM", "ItemFields", "interpret"]
 
 PREFIX = "Seq_Frame"
 TRANSFORM = re.compile(r"(.+?)To([A-Z0-9_].*)Transform")
@@ -93,39 +91,14 @@ def interpret(fields: ItemFields, count: int) -> Items:
     return Items(times, by_name(poses, fields.name), image_valid, others)
 
 
-def item_lines(recording: Recording) -> Iterator[tuple[str, str]]:
-    """The fields of every item as ``(key, text)``, to the last digit, in the order PLUS writes them."""
-    width = max(4, len(str(max(len(recording) - 1, 0))))
-    poses = list(recording.poses.values())
-    rows = [np.asarray(p.matrices.reshape(-1, 16)).tolist() for p in poses]
-    stamps = recording.times.tolist()
-    for i in range(len(recording)):
-        prefix = f"{PREFIX}{i:0{width}d}_"
-        for one, matrices in zip(poses, rows, strict=True):
-            if not all(map(math.isnan, matrices[i])):  # an item without the pose has NaN throughout
-                yield f"{prefix}{one.plus_name}Transform", " ".join(map(repr, matrices[i]))
-            if (status := _status(one, i)) is not None:
-                yield f"{prefix}{one.plus_name}TransformStatus", status
-        if not math.isnan(stamps[i]):
-            yield f"{prefix}Timestamp", repr(stamps[i])
-        for name, column in recording.item_fields.items():
-            if (text := column[i]) is not None:
-                yield f"{prefix}{name}", text
-
-
-def _status(poses: Poses, i: int) -> str | None:
-    if poses.status is not None:
-        return poses.status[i]
-    return "OK" if poses.valid[i] else "INVALID"
-
-
 def _poses(name: str, columns: dict[str, dict[int, str]], count: int) -> Iterator[Poses]:
-    """The transforms among the columns, which are taken out."""
-    for field_name in list(columns):
+    """The transforms among the columns, which are taken out; one never seen has its status alone."""
+    names = dict.fromkeys(name.removesuffix("Status") for name in columns)
+    for field_name in names:
         match = TRANSFORM.fullmatch(field_name)
-        if match is None:
+        if match is None or not {field_name, field_name + "Status"} & columns.keys():
             continue
-        matrices = _matrices(name, field_name, columns.pop(field_name), count)
+        matrices = _matrices(name, field_name, columns.pop(field_name, {}), count)
         status = columns.pop(field_name + "Status", None)
         valid = np.isfinite(matrices).all(axis=(1, 2))
         texts = _full(status or {}, count)

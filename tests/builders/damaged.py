@@ -1,10 +1,10 @@
-"""Makes the damaged recordings of this folder; run it again after adding one. ORIGIN.md says what each is."""
+"""The damaged recordings of tests/broken; run it again after adding one. ORIGIN.md there says what each is."""
 
 import gzip
 import zlib
 from pathlib import Path
 
-HERE = Path(__file__).parent
+BROKEN = Path(__file__).parent.parent / "broken"
 POSE = "1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1"
 PIXELS = bytes(range(24))  # two frames of 4 x 3
 ITEMS = "".join(
@@ -86,4 +86,4 @@ FILES = {
 
 if __name__ == "__main__":
     for name, content in FILES.items():
-        (HERE / name).write_bytes(content)
+        (BROKEN / name).write_bytes(content)

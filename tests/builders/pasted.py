@@ -6,7 +6,9 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 # A line of a block that begins like this is typed into a shell, and its environment may come first.
-TYPED = re.compile(r"(?:[A-Z_]+=\S+ )*(?:\S*/)?(?:sonocal|python3?|pip|scripts/\S+|\.ci/run|source|git)(?= |$)")
+TYPED = re.compile(
+    r"(?:[A-Z_]+=\S+ )*(?:\S*/)?(?:sonocal|python3?|pip|scripts/\S+|\.ci/run|source|git)(?= |$)"
+)
 
 
 def text_of(page):

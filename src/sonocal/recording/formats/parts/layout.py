@@ -10,12 +10,12 @@ import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.findings import Diagnostic
-from sonocal.recording.formats.orientation import (
+from sonocal.recording.formats.parts.orientation import (
     Orientation,
     image_from_file,
     oriented,
 )
-from sonocal.recording.formats.sequence_fields import (
+from sonocal.recording.formats.parts.sequence_fields import (
     ItemFields,
     interpret,
 )

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Collection, Iterator
 from typing import Literal
+
+import numpy as np
 
 from sonocal.errors import InputError
 from sonocal.recording.frames import Image
 from sonocal.recording.model import Recording
 
-__all__ = ["METAIO_GEOMETRY", "NRRD_GEOMETRY", "kept_fields", "pixels_of", "stored_orientation"]
+__all__ = [
+    "METAIO_GEOMETRY",
+    "NRRD_GEOMETRY",
+    "check_field",
+    "is_sequence",
+    "kept_fields",
+    "little_endian",
+    "pixels_of",
+    "stored_orientation",
+]
 
 # Fields in which each format keeps where the image lies; they mean nothing to the other one.
 METAIO_GEOMETRY = (
@@ -58,8 +70,41 @@ def kept_fields(recording: Recording, target: Literal["metaio", "nrrd"]) -> dict
         and "ElementSpacing" not in kept
         and image.spacing_mm is not None
     ):
-        kept["ElementSpacing"] = " ".join(map(repr, image.spacing_mm)) + (" 1" if len(recording) > 1 else "")
+        kept["ElementSpacing"] = " ".join(map(repr, image.spacing_mm)) + " 1" * is_sequence(recording)
     return kept
+
+
+def check_field(
+    recording: Recording, key: str, text: str, names: re.Pattern[str], taken: Collection[str] = ()
+) -> None:
+    """Refuse a field that would be read again as another one, or not at all.
+
+    Args:
+        recording: for the message.
+        key: the field's name.
+        text: its value.
+        names: what names the format can hold.
+        taken: names that the format itself defines.
+
+    Raises:
+        InputError: it cannot stand in a header.
+    """
+    if not names.fullmatch(key) or key in taken:
+        raise InputError(f"{recording.name}: a header cannot hold a field of the name {key!r}; rename it")
+    if re.search(r"[\r\n\0]", text):
+        raise InputError(
+            f"{recording.name}: field {key!r} holds a line break or zero byte and cannot stand in a header"
+        )
+    try:
+        (key + text).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{recording.name}: field {key!r} is not Unicode text; write it otherwise") from None
+
+
+def is_sequence(recording: Recording) -> bool:
+    """Whether a file must say that it is a sequence: a lone image without fields is a plain image."""
+    described = bool(recording.poses or recording.item_fields or np.isfinite(recording.times).any())
+    return described or len(recording) != 1 or not recording.image_valid.all()
 
 
 def stored_orientation(recording: Recording) -> str:
@@ -85,10 +130,14 @@ def pixels_of(recording: Recording) -> Iterator[Image]:
         yield frame
 
 
+def little_endian(frame: Image) -> memoryview:
+    """The bytes of a frame, as files that we write keep them."""
+    return np.ascontiguousarray(frame.astype(frame.dtype.newbyteorder("<"), copy=False)).data
+
+
 def _as_stored(recording: Recording) -> bool:
     image = recording.image
     if image is None:
         return True
     n = image.dimension
-    turned = image.image_from_file[:n, :n]
-    return bool((turned == [[float(i == j) for j in range(n)] for i in range(n)]).all())
+    return np.array_equal(image.image_from_file[:n, :n], np.eye(n))

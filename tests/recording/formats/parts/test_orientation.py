@@ -5,33 +5,14 @@ import pytest
 
 from sonocal import FormatError
 from sonocal.recording.formats import read_recording
-from sonocal.recording.formats.orientation import Orientation
+from sonocal.recording.formats.parts.orientation import Orientation
+from tests.builders.recordings import stored_file
 
 PAIRS = ("MU", "FN", "AD")
 VOLUMES = ["".join(letters) for order in permutations(PAIRS) for letters in product(*order)]
 IMAGES = [code for code in VOLUMES if code[2] in "AD"] + [
     a + b for a, b in permutations("MUFN", 2) if a + b not in ("MU", "UM", "FN", "NF")
 ]
-
-
-def stored_file(tmp_path, code, size):
-    """A sequence of two frames whose stored axes point as `code` says; every pixel is different."""
-    count = int(np.prod(size)) * 2
-    header = [
-        "ObjectType = Image",
-        f"NDims = {len(size) + 1}",
-        f"DimSize = {' '.join(map(str, size))} 2",
-        "ElementType = MET_USHORT",
-        "ElementSpacing = " + " ".join(str(0.1 * (k + 1)) for k in range(len(size))) + " 1",
-        f"UltrasoundImageOrientation = {code}",
-        "Seq_Frame0000_Timestamp = 0",
-        "Seq_Frame0001_Timestamp = 1",
-        "ElementDataFile = LOCAL\n",
-    ]
-    pixels = np.arange(count, dtype="<u2").reshape(2, *size[::-1])
-    path = tmp_path / "a.mha"
-    path.write_bytes("\n".join(header).encode() + pixels.tobytes())
-    return path, pixels
 
 
 @pytest.mark.parametrize("code", [*IMAGES, "XX"])

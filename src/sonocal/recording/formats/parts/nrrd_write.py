@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from sonocal.errors import InputError, UnsupportedError
+from sonocal.errors import UnsupportedError
 from sonocal.files import writing
-from sonocal.recording.formats.inflate import GZIP
-from sonocal.recording.formats.metaio import is_sequence
-from sonocal.recording.formats.nrrd import (
+from sonocal.recording.formats.parts.inflate import GZIP
+from sonocal.recording.formats.parts.item_lines import item_lines
+from sonocal.recording.formats.parts.nrrd_header import (
     ORIENTATION_KEY,
+    PAIR,
     TYPES,
 )
-from sonocal.recording.formats.sequence_fields import item_lines
-from sonocal.recording.formats.written import (
+from sonocal.recording.formats.parts.written import (
     NRRD_GEOMETRY,
+    check_field,
+    is_sequence,
     kept_fields,
+    little_endian,
     pixels_of,
     stored_orientation,
 )
@@ -45,15 +47,11 @@ def write_nrrd(recording: Recording, path: str | Path, compress: bool = True) ->
     with writing(path) as file:
         file.write(b"NRRD0005\n")
         for key, text, separator in _header_lines(recording, compress):
-            if re.search(r"[\r\n]", key + text) or ":" in key or not key:
-                raise InputError(
-                    f"{recording.name}: field {key!r} holds a line break or ':' and cannot stand in a header"
-                )
             file.write(f"{key}{separator}{text}\n".encode())
         file.write(b"\n")
         deflate = zlib.compressobj(wbits=GZIP)
         for frame in pixels_of(recording):
-            block = np.ascontiguousarray(frame.astype(frame.dtype.newbyteorder("<"), copy=False)).data
+            block = little_endian(frame)
             file.write(deflate.compress(block) if compress else block)
         if compress:
             file.write(deflate.flush())
@@ -68,6 +66,7 @@ def _header_lines(recording: Recording, compress: bool) -> Iterator[tuple[str, s
     if recording.image is not None:
         yield ORIENTATION_KEY, stored_orientation(recording), ":="
     for key, text in kept.items():
+        check_field(recording, key, text, PAIR, (ORIENTATION_KEY,))
         yield key, text, ":="
     if is_sequence(recording):
         for key, text in item_lines(recording):
@@ -94,8 +93,9 @@ def _structure(recording: Recording, compress: bool) -> dict[str, str]:
 
 def _geometry(recording: Recording, kept: dict[str, str]) -> dict[str, str]:
     image = recording.image
-    if kept or image is None:
+    if kept or image is None or (image.spacing_mm is None and not is_sequence(recording)):
         return kept
+    # Sequences say 1 where the spacing is not known, as PLUS does.
     n = image.dimension
     spacing = image.spacing_mm or (1.0,) * n
     vectors = [

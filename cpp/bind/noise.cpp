@@ -1,0 +1,136 @@
+// What residuals say of the noise: sums that variances follow from, and how spread the rows are.
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <set>
+#include <vector>
+
+#include "bind/chosen.hpp"
+#include "bind/table.hpp"
+#include "sonocal/estimate/extent.hpp"
+#include "sonocal/estimate/shared_errors.hpp"
+#include "sonocal/estimate/small_samples.hpp"
+#include "sonocal/estimate/stretch.hpp"
+
+using namespace nb::literals;
+using namespace sonocal;
+
+namespace {
+
+using Codes = In<std::int32_t, nb::ndim<1>>;
+
+struct NoiseSums {
+  std::vector<int> kept;
+  Out<double> expected, observed, of_offsets, covariance;
+  double freedom = 0;
+};
+
+TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Options& options) {
+  const auto k = static_cast<std::size_t>(parameter_count(options.model));
+  require(values.shape(0) == k && values.shape(1) == k,
+          "covariance has not as many rows and columns as the model has parameters");
+  check_finite(values.data(), k * k, "covariance");
+  const auto side = static_cast<Eigen::Index>(k);
+  return Eigen::Map<const Eigen::MatrixXd>(values.data(), side, side).transpose();
+}
+
+std::vector<const std::int32_t*> checked(const std::vector<Codes>& groupings, const Table& table) {
+  std::vector<const std::int32_t*> out;
+  for (const Codes& codes : groupings) {
+    require(codes.shape(0) == static_cast<std::size_t>(table.rows),
+            "a grouping has not as many entries as the table has rows");
+    out.push_back(codes.data());
+  }
+  return out;
+}
+
+Out<double> stacked(const std::vector<TangentMatrix>& matrices, std::size_t side) {
+  std::vector<double> values;
+  for (const TangentMatrix& m : matrices) values.insert(values.end(), m.data(), m.data() + m.size());
+  return make_array(std::move(values), {matrices.size(), side, side});
+}
+
+// Derivatives of log variances by the levels that were estimated; geometric: by the one level there is.
+Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options, bool known_px,
+                            bool known_mm) {
+  Eigen::MatrixX2d out = white.by_level;
+  if (options.weighting == Weighting::kGeometric) {
+    out.col(0).setOnes();
+    out.col(1).setZero();
+    return out;
+  }
+  if (known_px) out.col(0).setZero();
+  if (known_mm) out.col(1).setZero();
+  return out;
+}
+
+NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at,
+                     const Options& options, const In<double, nb::ndim<2>>& covariance,
+                     const std::vector<Codes>& groupings, bool known_px, bool known_mm) {
+  const Table table = bound.lines();
+  check_model(table, options);
+  const bool* rows = ::checked(chosen, table);
+  const TangentMatrix of_tangent = tangent_matrix(covariance, options);
+  const std::vector<const std::int32_t*> codes = checked(groupings, table);
+  SharedErrors shared;
+  WiderCovariance wider;
+  {
+    nb::gil_scoped_release unlocked;
+    const WhiteResiduals white = white_residuals(table, rows, at, options);
+    // With the likelihood's weights, what the points of one sighting share is in the weights already.
+    const bool weighted = options.weighting == Weighting::kLikelihood;
+    const std::size_t units =
+        weighted ? std::set<std::int32_t>(white.row.begin(), white.row.end()).size() : white.row.size() / 2;
+    shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
+    wider = small_sample_covariance(white, by_unknown(white, options, known_px, known_mm), of_tangent);
+  }
+  return {shared.kept,
+          to_numpy(shared.expected),
+          to_numpy(shared.observed),
+          stacked(shared.of_offsets, covariance.shape(0)),
+          to_numpy(wider.covariance),
+          wider.freedom};
+}
+
+int py_stretch_length(const In<double, nb::shape<-1, 3>>& residuals, const Codes& frames) {
+  const std::size_t rows = residuals.shape(0);
+  require(rows > 0 && rows <= kMostRows, "there is between one residual and 2^28");
+  require(frames.shape(0) == rows, "there are not as many frames as residuals");
+  check_finite(residuals.data(), 3 * rows, "residuals");
+  return stretch_length(residuals.data(), frames.data(), static_cast<int>(rows));
+}
+
+Extent py_extent(const BoundTable& bound, const std::optional<Chosen>& chosen) {
+  const Table table = bound.lines();
+  return extent_of(table, chosen ? ::checked(*chosen, table) : nullptr);
+}
+
+template <auto kVector>
+Out<double> as_array(const Extent& e) {
+  return to_numpy(e.*kVector);
+}
+
+}  // namespace
+
+void bind_noise(nb::module_& m) {
+  const auto owned = nb::rv_policy::automatic;
+  nb::class_<NoiseSums>(m, "NoiseSums")
+      .def_ro("kept", &NoiseSums::kept)
+      .def_ro("expected", &NoiseSums::expected, owned)
+      .def_ro("observed", &NoiseSums::observed, owned)
+      .def_ro("of_offsets", &NoiseSums::of_offsets, owned)
+      .def_ro("covariance", &NoiseSums::covariance, owned)
+      .def_ro("freedom", &NoiseSums::freedom);
+  nb::class_<Extent>(m, "Extent")
+      .def_ro("direction_spread", &Extent::direction_spread)
+      .def_ro("meeting_distance", &Extent::meeting_distance)
+      .def_prop_ro("common", &as_array<&Extent::common>, owned)
+      .def_prop_ro("meeting", &as_array<&Extent::meeting>, owned)
+      .def_prop_ro("ends", &as_array<&Extent::ends>, owned)
+      .def_prop_ro("points", &as_array<&Extent::points>, owned);
+  m.def("noise_sums", &noise_sums, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a,
+        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "known_px"_a, "known_mm"_a);
+  m.def("stretch_length", &py_stretch_length, "residuals"_a.noconvert(), "frames"_a.noconvert());
+  m.def("extent", &py_extent, "table"_a, "chosen"_a.noconvert().none() = nb::none());
+}

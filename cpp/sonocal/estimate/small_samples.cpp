@@ -1,0 +1,130 @@
+#include "sonocal/estimate/small_samples.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "sonocal/linalg/small.hpp"
+
+namespace sonocal {
+namespace {
+
+// The greatest variance of a number between -1 and 1 (Popoviciu).
+constexpr double kGreatestVariance = 1.0;
+// Residuals to spare below this leave the approximation without meaning.
+constexpr double kLeastFreedom = 4.5;
+// Singular values below this part of the greatest are none.
+constexpr double kCutOff = 1e-10;
+constexpr int kLevels = 2;
+
+TangentMatrix product(const TangentMatrix& a, const TangentMatrix& b) { return a.lazyProduct(b); }
+
+double trace_of_product(const TangentMatrix& a, const TangentMatrix& b) {
+  return a.cwiseProduct(b.transpose()).sum();
+}
+
+// Sums over the residuals' rows j: J' diag(level) J of each level, and of each two levels' product.
+struct Sums {
+  TangentMatrix pull[kLevels], cross[kLevels][kLevels];
+  double inner[kLevels][kLevels];
+};
+
+TangentMatrix weighted_square(const WhiteResiduals& white, const Eigen::VectorXd& weight) {
+  const auto k = white.jacobian.cols();
+  TangentMatrix sum = TangentMatrix::Zero(k, k);
+  for (Eigen::Index m = 0; m < weight.size(); ++m) {
+    const double* j = white.jacobian.data() + m * k;
+    for (Eigen::Index a = 0; a < k; ++a)
+      for (Eigen::Index b = 0; b <= a; ++b) sum(a, b) += weight[m] * j[a] * j[b];
+  }
+  for (Eigen::Index a = 0; a < k; ++a)
+    for (Eigen::Index b = 0; b < a; ++b) sum(b, a) = sum(a, b);
+  return sum;
+}
+
+Sums sums_of(const WhiteResiduals& white, const Eigen::MatrixX2d& levels, int count) {
+  Sums out;
+  for (int i = 0; i < count; ++i) {
+    out.pull[i] = weighted_square(white, levels.col(i));
+    for (int j = 0; j <= i; ++j) {
+      const Eigen::VectorXd both = levels.col(i).cwiseProduct(levels.col(j));
+      out.cross[i][j] = out.cross[j][i] = weighted_square(white, both);
+      out.inner[i][j] = out.inner[j][i] = both.sum();
+    }
+  }
+  return out;
+}
+
+SmallMatrix pseudo_inverse(const SmallMatrix& a) {
+  const SymmetricEigen of = symmetric_eigen(a);
+  const double least = kCutOff * of.values.cwiseAbs().maxCoeff();
+  SmallMatrix out = SmallMatrix::Zero(a.rows(), a.cols());
+  for (Eigen::Index i = 0; i < a.rows(); ++i) {
+    if (!(std::abs(of.values[i]) > least)) continue;
+    for (Eigen::Index r = 0; r < a.rows(); ++r)
+      for (Eigen::Index c = 0; c < a.cols(); ++c)
+        out(r, c) += of.vectors(r, i) * of.vectors(c, i) / of.values[i];
+  }
+  return out;
+}
+
+// A factor, and the freedom m, such that the factor times the Wald statistic is F of (size, m); `first` and
+// `second` are the source's A1 and A2.
+struct Scaled {
+  double factor, freedom;
+};
+Scaled f_distribution(double size, double first, double second) {
+  const double spread = (first + 6 * second) / (2 * size);
+  const double g = ((size + 1) * first - (size + 4) * second) / ((size + 2) * second);
+  const double below = 3 * size + 2 * (1 - g);
+  const double c1 = g / below, c2 = (size - g) / below, c3 = (size + 2 - g) / below;
+  const double mean = 1 / std::max(1 - second / size, 1e-3);
+  const double variance =
+      (2 / size) * (1 + c1 * spread) / (std::pow(1 - c2 * spread, 2) * std::max(1 - c3 * spread, 1e-3));
+  const double ratio = variance / (2 * mean * mean);
+  if (!(size * ratio > 1)) return {1 / mean, std::numeric_limits<double>::infinity()};
+  const double freedom = std::max(4 + (size + 2) / (size * ratio - 1), kLeastFreedom);
+  return {freedom / (mean * (freedom - 2)), freedom};
+}
+
+}  // namespace
+
+WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen::MatrixX2d& by_level,
+                                        const TangentMatrix& covariance) {
+  Eigen::MatrixX2d levels(by_level.rows(), kLevels);
+  int count = 0;
+  for (int i = 0; i < kLevels; ++i)
+    if (const double size = by_level.col(i).cwiseAbs().maxCoeff(); size > 0)
+      levels.col(count++) = by_level.col(i) / size;
+  if (count == 0) return {covariance, std::numeric_limits<double>::infinity()};
+  const Sums sums = sums_of(white, levels, count);
+  TangentMatrix share[kLevels];
+  SmallMatrix information(count, count);
+  for (int i = 0; i < count; ++i) share[i] = product(sums.pull[i], covariance);
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j < count; ++j)
+      information(i, j) = 0.5 * (sums.inner[i][j] - 2 * trace_of_product(covariance, sums.cross[i][j]) +
+                                 trace_of_product(share[i], share[j]));
+  if (count == 2) {
+    // Neither level is negative and both together make up the variance: their difference is within +-1 of it,
+    // however little the residuals say of it.
+    const double difference[] = {levels.col(0).mean(), -levels.col(1).mean()};
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 2; ++j) information(i, j) += difference[i] * difference[j] / kGreatestVariance;
+  }
+  const SmallMatrix spread = pseudo_inverse(information);  // of the levels' squares
+  TangentMatrix wider = covariance;
+  double first = 0, second = 0;
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j < count; ++j) {
+      const TangentMatrix hidden = sums.cross[i][j] - product(share[i], sums.pull[j]);
+      wider += 2 * spread(i, j) * product(product(covariance, hidden), covariance);
+      first += spread(i, j) * share[i].trace() * share[j].trace();
+      second += spread(i, j) * trace_of_product(share[i], share[j]);
+    }
+  const TangentMatrix symmetric = 0.5 * (wider + wider.transpose());
+  const Scaled scaled = f_distribution(static_cast<double>(covariance.rows()), first, second);
+  return {symmetric / scaled.factor, scaled.freedom};
+}
+
+}  // namespace sonocal

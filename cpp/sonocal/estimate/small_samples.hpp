@@ -1,0 +1,21 @@
+// Covariances whose weights were estimated from the same few residuals.
+#pragma once
+
+#include "sonocal/estimate/white_residuals.hpp"
+
+namespace sonocal {
+
+struct WiderCovariance {
+  TangentMatrix covariance;
+  double
+      freedom;  // of the F distribution that e' covariance^-1 e / k has; infinite where all levels are known
+};
+
+// The covariance (J'J)^-1 of k parameters once the noise levels behind its weights are not taken for known:
+// with V the residuals' covariance, linear in the levels' squares, its derivatives (columns of `by_level`, M
+// x L, of the log variances) give both a larger covariance and the freedom of the F distribution that fits
+// the Mahalanobis distances' mean and variance. Source: Kenward and Roger 1997.
+WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen::MatrixX2d& by_level,
+                                        const TangentMatrix& covariance);
+
+}  // namespace sonocal
