@@ -170,6 +170,23 @@ def test_where_there_is_nothing_to_choose_among_two_fits_do(monkeypatch):
     assert counts == {"best_fit": 2, "calibrate": 1}
 
 
+def test_a_second_look_that_finds_nothing_fits_nothing_again(monkeypatch):
+    counts = counted(monkeypatch)
+    scan = scan_of(2, 40, sigma_px=0.3, sigma_mm=0.1)
+    rows = tabulate(scan.recording, scan.lines, scan.detections).observations
+    found = calibrate_candidates(rows, look_again=lambda *_: None)
+    assert found.used == 40
+    assert counts == {"best_fit": 2, "calibrate": 1}
+
+
+def test_how_well_echoes_are_placed_has_no_say(decoyed):
+    """A needle bends and sound is refracted: the image's noise is that of the residuals."""
+    sure = replace(decoyed.detections, covariance_px2=1e-4 * decoyed.detections.covariance_px2)
+    found, expected = calibrated(replace(decoyed, detections=sure)), calibrated(decoyed)
+    assert_same(found.calibration, expected.calibration, 0.0)
+    assert found.observations.sigma_px is None
+
+
 def test_the_options_are_kept_with_the_result(decoyed):
     found = calibrated(decoyed, tolerance_mm=3, seed=5)
     assert isinstance(found.options, Options)

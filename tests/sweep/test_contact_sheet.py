@@ -50,6 +50,16 @@ def test_the_best_the_others_and_the_chosen_have_their_colours_and_places():
         assert (here[int(v), int(u)] == 90).all()  # what is marked stays visible
 
 
+def test_of_two_that_meet_the_better_and_the_chosen_are_on_top():
+    found = Detections.of_points([0, 0], [[50.0, 50.0], [50.2, 50.0]])
+    sheet = contact_sheet(IMAGES, found)
+    assert len(where(sheet, FIRST)[0]) > 0
+    assert len(where(sheet, OTHER)[0]) == 0
+    sheet = contact_sheet(IMAGES, found, rows_of(found.select([1])))
+    assert len(where(sheet, CHOSEN)[0]) > 0
+    assert len(where(sheet, FIRST)[0]) == 0
+
+
 def test_without_detections_the_images_are_grey():
     sheet = contact_sheet(IMAGES, Detections.of_points([], np.empty((0, 2))))
     assert (sheet[..., 0] == sheet[..., 2]).all()

@@ -126,7 +126,7 @@ class Observations:
 
     def select(self, rows: ArrayLike) -> Observations:
         """The table of some rows, given by a mask or by indices."""
-        index = np.asarray(rows)
+        index = np.arange(len(self))[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
         columns = {name: value[index] for name in COLUMNS if (value := getattr(self, name)) is not None}
         return self.with_sound(**columns, extra={name: column[index] for name, column in self.extra.items()})
 
@@ -221,12 +221,12 @@ def stacked(tables: Sequence[Observations]) -> Observations:
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
     codes = np.zeros(len(columns[0]), dtype=np.int64)
-    for column in columns:
+    for place, column in enumerate(columns):
         if len(column) == 0 or np.all(column == column[0]):
             continue
         count, code = _codes(column)
         codes = codes * count + code
-        if column is not columns[0]:
+        if place > 0:
             codes = np.unique(codes, return_inverse=True)[1].reshape(-1)
     return codes
 

@@ -14,7 +14,7 @@ from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.frames import Frames, SelectedFrames, no_frames
-from sonocal.recording.poses import Mask, OnInvalid, Poses
+from sonocal.recording.poses import Mask, OnInvalid, Poses, chosen
 
 __all__ = ["ImageGeometry", "Provenance", "Recording"]
 
@@ -197,7 +197,7 @@ class Recording:
 
     def select(self, rows: ArrayLike) -> Recording:
         """The recording of some items, given by a mask, a slice's range or indices."""
-        index = np.arange(len(self))[np.asarray(rows)]
+        index = chosen(len(self), rows)
         return replace(
             self,
             times=self.times[index],
