@@ -54,8 +54,16 @@ def lengths() -> Iterator[tuple[str, str, str]]:
     yield "lines of calibrate() without its docstring", str(lines_without_docstring(main_path)), "<= 45"
     spans = [lines_without_docstring(one) for one in functions]
     yield "lines a function without docstring, Python, median / 95 %", median_and_p95(spans), "<= 8 / 28"
-    files = [len(text(path).splitlines()) for path in (*python_files(), *cpp_files())]
-    yield "lines a file, Python and C++, median / 95 %", median_and_p95(files), "<= 152 / 297"
+    # The bounds are what the tree had when its modules stood in no rooms.
+    for what, paths, bound in (
+        ("Python", python_files(), "152 / 297"),
+        ("Python and C++", [*python_files(), *cpp_files()], "125 / 295"),
+    ):
+        yield f"lines a file, {what}, median / 95 %", median_and_p95(file_lengths(paths)), f"<= {bound}"
+
+
+def file_lengths(paths: Iterable[Path]) -> list[int]:
+    return [len(text(path).splitlines()) for path in paths]
 
 
 def share_of_tests() -> Iterator[tuple[str, str, str]]:
