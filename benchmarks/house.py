@@ -73,18 +73,18 @@ def share_of_tests() -> Iterator[tuple[str, str, str]]:
     yield "tests' share of the lines that are not blank", f"{100 * tests / (tests + code):.1f} %", ">= 33 %"
 
 
-def fits_of_a_recording() -> Iterator[tuple[str, str, str]]:
+def fits_of_a_recording(frames: int = 120) -> Iterator[tuple[str, str, str]]:
     """How often a simulated recording is calibrated in full, and how often a transform is fitted at all."""
     import sonocal as sc
     from sonocal.calibration.calibrate import calibrate
     from sonocal.registration.best_fit import best_fit
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 
-    sweep = simulate_sweep(options=SweepOptions(frames=120, seed=0))
+    sweep = simulate_sweep(options=SweepOptions(frames=frames, seed=0))
     with counting(calibrate, best_fit) as calls:
         sc.calibrate_recording(sweep.recording, sweep.lines)
     full, fits = calls["calibrate"], calls["best_fit"]
-    yield "calls of calibrate() for a recording of 120 images", str(full), "as few as needed"
+    yield f"calls of calibrate() for a recording of {frames} images", str(full), "as few as needed"
     yield "fits without covariance and findings, for the same", str(fits - full), ""
 
 
