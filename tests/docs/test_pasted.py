@@ -99,7 +99,11 @@ def test_scripts_and_modules_that_pages_name_are_there_with_their_options(page):
     for command in commands_in(text_of(page)):
         words = [word for word in shlex.split(command) if "=" not in word or word.startswith("-")]
         tool, *rest = words
-        if tool.endswith("python") and re.match(r"-m (benchmarks|scripts|docs)\.", " ".join(rest)):
+        if (
+            tool.endswith("python")
+            and rest[0] == "-m"
+            and rest[1].split(".")[0] in ("benchmarks", "scripts", "docs")
+        ):
             check_options(ROOT / (rest[1].replace(".", "/") + ".py"), rest[2:])
         elif tool.endswith("python") and rest[0].startswith("scripts/"):
             check_options(ROOT / rest[0], rest[1:])
@@ -127,7 +131,13 @@ def test_every_line_in_the_place_of_another_is_on_a_page():
 
 
 def test_remarks_are_no_part_of_a_command():
-    text = "    sonocal info a.mha   # faults\n    sonocal tool b \\\n      --tool Needle    the tip\n    name = 1\n"
+    lines = [
+        "sonocal info a.mha   # its faults",
+        "sonocal tool b \\",
+        "  --tool Needle    the tip",
+        "name = 1",
+    ]
+    text = "".join(f"    {line}\n" for line in lines)
     assert commands_in(text) == ["sonocal info a.mha", "sonocal tool b --tool Needle"]
     assert command_of("sonocal study  all") == "sonocal study"
 
