@@ -1,6 +1,8 @@
 """The measuring of the house: what it counts, and what it must not fall behind."""
 
 import ast
+import subprocess
+import sys
 
 from benchmarks import house
 
@@ -42,6 +44,18 @@ def test_calls_are_counted_wherever_the_function_is_held_and_no_longer_after():
         sonocal.calibration.calibrate(rows)
     sonocal.calibration.calibrate(rows)
     assert dict(calls) == {"calibrate": 2, "fit_rows": 2}
+
+
+def test_a_module_imported_while_calls_are_counted_holds_the_function_itself_after():
+    code = (
+        "import sonocal\nfrom benchmarks import house\nfrom sonocal.calibration.calibrate import calibrate\n"
+        "with house.counting(calibrate):\n    import sonocal.sweep.calibrate as late\n"
+        "assert late.calibrate is calibrate, late.calibrate"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=house.ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_house_keeps_its_promises():
