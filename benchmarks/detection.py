@@ -16,17 +16,13 @@ from typing import Any
 import numpy as np
 
 import sonocal as sc
-from sonocal.detection import PointDetector, detect_lines, detect_points, find_mask
+from sonocal.detection import Detections, PointDetector, detect, detect_lines, find_mask
 from sonocal.recording import ArrayFrames
 from sonocal.recording.formats import read_recording
 from sonocal.simulation.sweep import SimulatedSweep, SweepOptions, simulate_sweep
 from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, Look
 from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
-from sonocal.sweep import (
-    Detections,
-    calibrate_points,
-    calibrate_recording,
-)
+from sonocal.sweep import calibrate_points, calibrate_recording
 
 # One pixel of the paper's 0.24 mm, in voxels of the 3D probe.
 PAPER_MM_PER_PX = 0.24
@@ -69,16 +65,16 @@ def sweep_errors(geometry: ProbeGeometry, look: Look, seeds: Sequence[int]) -> t
     for seed in seeds:
         options = SweepOptions(frames=250, rate_hz=5, sigma_px=0, hidden_share=0, seed=seed)
         sweep = in_memory(simulate_sweep(geometry, look, options))
-        found = detect_points(sweep.recording)
+        found = detect(sweep.recording)
         for frame in np.flatnonzero(sweep.truth.clear):
             rows = np.flatnonzero(found.frame == frame)
-            offset = found.points_px[rows] - sweep.truth.points_px[frame]
+            offset = found.points_px[rows, 0] - sweep.truth.points_px[frame]
             distance = np.linalg.norm(offset, axis=1)
             contrasts.append(contrast(sweep.recording.frames[frame], sweep.truth.points_px[frame]))
             errors.append(distance.min(initial=np.inf))
             if errors[-1] <= 2:
                 best = int(np.argmin(distance))
-                whitened = np.linalg.solve(found.covariance_px2[rows[best]], offset[best])
+                whitened = np.linalg.solve(found.covariance_px2[rows[best], 0], offset[best])
                 squares.append(offset[best] @ whitened / 2)
     return np.array(errors), np.array(contrasts), np.array(squares)
 
@@ -196,12 +192,7 @@ def from_true_points(sweep: SimulatedSweep, **options: Any) -> sc.Similarity:
     """The calibration from the points that the images show, with nothing to detect; options of `calibrate`."""
     frame = np.flatnonzero(sweep.truth.visible)
     points = sweep.truth.shown_px[frame]
-    per_frame = points[0].size // points.shape[-1]
-    detections = Detections(
-        np.repeat(frame, per_frame),
-        points.reshape(-1, points.shape[-1]),
-        np.full(len(frame) * per_frame, sweep.lines[0].name),
-    )
+    detections = Detections(frame, points.reshape(len(frame), -1, points.shape[-1]))
     found, _ = calibrate_points(sweep.recording, sweep.lines, detections, **options)
     return found.probe_from_image
 

@@ -41,6 +41,9 @@ int main() {
   });
   measure("two_lines, batch", kSize,
           [&] { two_lines_batch(space.points.data(), needles.data(), kSize, 1, out); });
+  measure("two_lines, one by one", kSize, [&] {
+    for (int b = 0; b < kSize; ++b) two_lines_batch(&space.points[b * 12], &needles[b * 12], 1, 1, out);
+  });
   std::vector<double> x, planes;
   for (int b = 0; b < kSize; ++b) {
     std::array<PointOnPlane, 8> rows;

@@ -1,4 +1,4 @@
-"""What a user should know about a recording or a calibration before using it."""
+"""What a user should know about a recording or a calibration before using it, and the registry of codes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,89 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Diagnostic", "warnings_first"]
+__all__ = ["CODES", "PAGE", "REASONS", "REFUSALS", "Diagnostic", "anchor_of", "warnings_first"]
+
+# Where the documentation has a section for each code of the three tables.
+PAGE = "docs/findings.md"
+
+# Codes of diagnostics, each with a title of one line.
+CODES = {
+    # calibration
+    "weak-motion": "the predicted error exceeds what is accepted",
+    "two-answers": "a second answer fits as well",
+    "needle-in-image-plane": "needles lie in the image",
+    "anisotropic-scale": "mm/px differ along u and v",
+    "drifting-residuals": "neighbouring frames repeat one another's error",
+    "shared-target-error": "rows of a needle or wire share an error",
+    "shared-frame-error": "rows of a frame share an error",
+    "no-redundancy": "no row is left to check the answer",
+    "many-outliers": "many rows or poses were left out",
+    "not-converged": "the refinement did not come to rest",
+    "held-out-rows-off": "held-out rows are further off than the fit explains",
+    # setup_checks
+    "latency": "image and tracker are not of the same instant",
+    "marker-slipped": "the marker moved on the probe during the scan",
+    "flipped-image": "the image is mirrored or turned",
+    "scale-differs-from-scanner": "mm/px are not what the scanner says",
+    "wrong-end-of-needle": "the needle is seen beyond an end of its segment",
+    "wrong-tool-frame": "the lines are in another frame than the probe marker's",
+    # sweep
+    "images-used": "how many images took part",
+    "no-pose": "detections without a valid pose",
+    "no-image": "detections in images marked invalid",
+    # recording
+    "no-times": "no item has a time stamp",
+    "stamps-out-of-order": "stamps run backwards",
+    "stamps-repeated": "frames share a stamp",
+    "gaps": "long gaps between stamps",
+    "invalid-poses": "poses marked invalid",
+    "non-rigid-poses": "poses with scale or shear",
+    "static-tool": "a tool does not move",
+    "frozen-poses": "a pose repeats to the last digit",
+    "invalid-images": "images marked invalid",
+    "frozen-images": "the image stood still for a while",
+    "duplicated-images": "images repeat the one before them",
+    "orientation-unknown": "the file does not say how images are oriented",
+    "orientation-changed": "images were turned to u right, v down",
+    "motive-axes": "Motive's world has Y up",
+    # tools
+    "little-tilt": "the tool was hardly tilted",
+    "large-residual": "the tip moves about the pivot",
+    "slipped-tip": "the tip left its divot",
+    "tip-off-axis": "the tip lies beside the axis",
+    "ends-unknown": "the needle's ends are not known",
+    "short-needle": "the needle's two points are close together",
+    "little-turn": "the tool hardly turned about its axis",
+    "wobbling-axis": "the axis wobbles",
+    # validation
+    "not-computed": "a quantity could not be computed",
+}
+
+# Codes of `DegenerateGeometryError`: data that leave a motion free are refused.
+REFUSALS = {
+    "parallel-lines": "all lines are parallel",
+    "lines-through-one-point": "all lines pass through one point",
+    "coplanar-lines": "all lines lie in one plane",
+    "collinear-image-points": "all image points lie on one line",
+    "one-image-point": "all rows have one image point",
+    "free-motion": "the rows that agree leave a motion free",
+    "points-on-one-line": "the points lie on one line",
+    "rank-deficient": "the correspondences determine too little",
+    "crosswire-poses": "the probe hardly turned about the cross-wire",
+    "static-signal": "a signal does not move",
+    "no-alignment": "no lag aligns the signals",
+    "still": "the tool hardly turned",
+    "little-tilt": "the tool turned about one axis only",
+    "not-a-spin": "the tool turned about more than one axis",
+    "points-too-close": "the needle's two points are one within their noise",
+    "moving": "the stylus moved during the touch",
+}
+
+# Codes of reasons of a verdict that are no findings.
+REASONS = {
+    "no-predicted-error": "no error can be predicted",
+    "predicted-error-beyond-tolerance": "the predicted error is far above what is accepted",
+}
 
 
 @dataclass(frozen=True)
@@ -14,7 +96,7 @@ class Diagnostic:
     """One finding.
 
     Attributes:
-        code: short name, for programs.
+        code: short name, for programs; those that sonocal gives are in `CODES`, files may hold others.
         severity: "warning" (read before use) or "info".
         message: what was found, with numbers and units.
         advice: what to do about it.
@@ -24,6 +106,16 @@ class Diagnostic:
     severity: Literal["warning", "info"]
     message: str
     advice: str
+
+    @property
+    def anchor(self) -> str:
+        """Where the documentation says more: page and section."""
+        return anchor_of(self.code)
+
+
+def anchor_of(code: str) -> str:
+    """The section of the documentation for a code of any of the tables; the page alone for another."""
+    return f"{PAGE}#{code}" if code in {*CODES, *REFUSALS, *REASONS} else PAGE
 
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

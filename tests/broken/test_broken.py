@@ -8,7 +8,7 @@ from sonocal import FormatError, InputError, UnsupportedError
 from sonocal.recording import health
 from sonocal.recording.formats import read_recording
 from sonocal.targets import read_device_set
-from tests.broken.make_files import FILES
+from tests.builders.damaged import FILES
 
 HERE = Path(__file__).parent
 

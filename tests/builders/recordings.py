@@ -1,3 +1,5 @@
+"""Recordings with every kind of content."""
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -65,3 +67,23 @@ def assert_same(a, b):
         assert one.dtype == other.dtype
         assert one.shape == other.shape
         assert one.tobytes() == other.tobytes()
+
+
+def stored_file(tmp_path, code, size):
+    """A sequence of two frames whose stored axes point as `code` says; every pixel is different."""
+    count = int(np.prod(size)) * 2
+    header = [
+        "ObjectType = Image",
+        f"NDims = {len(size) + 1}",
+        f"DimSize = {' '.join(map(str, size))} 2",
+        "ElementType = MET_USHORT",
+        "ElementSpacing = " + " ".join(str(0.1 * (k + 1)) for k in range(len(size))) + " 1",
+        f"UltrasoundImageOrientation = {code}",
+        "Seq_Frame0000_Timestamp = 0",
+        "Seq_Frame0001_Timestamp = 1",
+        "ElementDataFile = LOCAL\n",
+    ]
+    pixels = np.arange(count, dtype="<u2").reshape(2, *size[::-1])
+    path = tmp_path / "a.mha"
+    path.write_bytes("\n".join(header).encode() + pixels.tobytes())
+    return path, pixels

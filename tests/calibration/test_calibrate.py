@@ -12,6 +12,7 @@ from sonocal.calibration import (
     parse_calibration,
 )
 from sonocal.simulation.scene import simulate_observations
+from sonocal.validation import give_verdict
 from tests.builders.similarities import random_similarity
 
 
@@ -184,6 +185,30 @@ def test_a_drift_is_warned_of():
 def test_four_rows_leave_nothing_to_check_with():
     found = sc.calibrate(simulate_observations(2, 4, seed=3).observations)
     assert codes(found)[0] == "no-redundancy"
+
+
+def hardly_determined(kind, seed):
+    """A 3D probe's sightings with noise, of needles that are parallel or pass through one point."""
+    rng, truth = np.random.default_rng(seed), random_similarity(seed, scale=0.24)
+    points = np.repeat(rng.uniform(0, 500, (10, 1, 3)), 2, axis=1)
+    points[:, 1, 2] += 200.0
+    if kind == "through a point":
+        points = np.stack([np.full((10, 3), 250.0), rng.uniform(0, 500, (10, 3))], axis=1)
+    seen = points + rng.normal(size=points.shape)
+    segments = truth @ points + 0.5 * rng.normal(size=points.shape)
+    frame = np.repeat(np.arange(10), 2)
+    return sc.Observations(seen.reshape(-1, 3), np.repeat(segments, 2, axis=0), frame=frame)
+
+
+@pytest.mark.parametrize("kind", ["parallel", "through a point"])
+@pytest.mark.parametrize("seed", range(12))
+def test_what_hardly_determines_a_3d_probe_is_refused_or_not_to_be_used(kind, seed):
+    try:
+        found = sc.calibrate(hardly_determined(kind, seed))
+    except (sc.DegenerateGeometryError, sc.NoConsensusError) as error:
+        assert "\n" not in str(error)
+    else:
+        assert give_verdict(found).level != "use"
 
 
 # The calibration file

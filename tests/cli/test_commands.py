@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 import sonocal as sc
+from sonocal.cli.formats import FORMATS
 from sonocal.cli.main import main
 from sonocal.simulation.scene import simulate_observations
 
@@ -225,10 +226,14 @@ def test_info_of_something_else_says_what_it_reads(tmp_path):
     (tmp_path / "song.bin").write_bytes(b"la la\0la")
     result = run("info", tmp_path / "song.bin")
     assert result.exit_code == 1
-    assert result.stderr == (
-        "Error: song.bin: is not a recording that sonocal reads; it reads .mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, "
-        ".png, or a folder of images\n"
+    assert result.stderr.startswith(
+        "Error: song.bin: is binary data in no format that sonocal reads; it reads targets (.toml), device "
     )
+    assert result.stderr.count("\n") == 1
+    for one in FORMATS:
+        assert all(
+            word in result.stderr for word in (one.suffixes if not one.header else (one.header, one.name))
+        )
 
 
 def test_a_real_process_calibrates_and_refuses(table, tmp_path):

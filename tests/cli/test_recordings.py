@@ -9,30 +9,26 @@ from click.testing import CliRunner
 
 import sonocal as sc
 from sonocal.cli.main import main
+from sonocal.detection import detect
 from sonocal.recording import (
     ArrayFrames,
     ImageGeometry,
     Poses,
     Recording,
 )
-from sonocal.recording.formats import write_recording
+from sonocal.recording.formats import read_recording, write_recording
 from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
+from sonocal.sweep import tabulate
 from sonocal.targets import read_lines
-from tests.builders.readers import POINT
 from tests.builders.recordings import (
     random_poses,
     random_recording,
 )
-from tests.targets.test_device_set import PHANTOM
-from tests.tools.test_tools import (
-    AXIS,
-    TIP,
-    pivoting,
-    spinning,
-)
+from tests.builders.targets import PHANTOM, POINT
+from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
 
 
 def run(*arguments, width=80):
@@ -124,6 +120,77 @@ def test_the_table_beside_a_calibration_is_its_own_input(swept, tmp_path):
     assert (found.provenance["input"], found.provenance["sha256"]) == ("observations.csv", rows.sha256)
     again = sc.calibrate(rows, image_size_px=(250, 250))
     np.testing.assert_allclose(again.probe_from_image.matrix, found.probe_from_image.matrix, atol=1e-6)
+
+
+def test_the_noise_tells_the_threshold_to_the_end_of_every_command(swept, tmp_path):
+    """Calibrate, its report and findings, validate, export and info: all with the number that "auto" came to."""
+    sweep, paths = swept
+    out = tmp_path / "out"
+    done = run("calibrate", paths[0], "--lines", paths[1], "--threshold-mm", "auto", "-o", out)
+    assert done.exit_code == 0, done.output
+    assert sorted(p.name for p in out.iterdir()) == [
+        *("calibration.json", "contact-sheet.png", "observations.csv", "report.html")
+    ]
+    found = sc.load(out / "calibration.json")
+    assert missed(found, sweep) < 0.6
+    options = found.provenance["options"]
+    assert options["threshold_asked"] == "auto"
+    assert 0 < options["threshold_mm"] == found.threshold_mm < 5
+    assert found.residuals_mm[found.inlier].max() <= found.threshold_mm
+    written = (out / "calibration.json", out / "observations.csv")
+    for command in (
+        ("validate", *written, "-o", out),
+        ("export", written[0], "--to", "plus", "-o", out / "plus.xml"),
+        ("info", written[0]),
+        ("calibrate", written[1], "--threshold-mm", "auto", "--no-report", "-o", tmp_path / "again"),
+    ):
+        done = run(*command)
+        assert done.exit_code == 0, done.output
+    again = sc.load(tmp_path / "again" / "calibration.json")
+    np.testing.assert_allclose(again.probe_from_image.matrix, found.probe_from_image.matrix, atol=1e-9)
+    assert again.threshold_mm == pytest.approx(found.threshold_mm, rel=1e-9)
+
+
+def test_candidates_of_images_and_their_table_are_one_detection(swept, tmp_path):
+    """What detect writes is what calibrate chooses among."""
+    sweep, paths = swept
+    done = run("detect", paths[0], "--lines", paths[1], "-o", tmp_path / "c.csv")
+    assert done.exit_code == 0, done.output
+    rows = sc.read_observations(tmp_path / "c.csv")
+    assert done.output.startswith(f"Wrote {len(rows)} candidates")
+    expected = tabulate(sweep.recording, sweep.lines, detect(read_recording(paths[0]))).observations
+    np.testing.assert_array_equal(rows.points_px, expected.points_px)
+    np.testing.assert_array_equal(rows.sigma_px, expected.sigma_px)
+    np.testing.assert_allclose(rows.segments_mm, expected.segments_mm, atol=1e-6)
+    run("calibrate", paths[0], "--lines", paths[1], "-o", tmp_path / "out", "--no-report")
+    chosen = sc.read_observations(tmp_path / "out" / "observations.csv")
+    candidates = {(f, *p) for f, p in zip(rows.frame.tolist(), rows.points_px.tolist(), strict=True)}
+    places = [(f, *p) for f, p in zip(chosen.frame.tolist(), chosen.points_px.tolist(), strict=True)]
+    assert np.mean([place in candidates for place in places]) > 0.9  # a second look finds a few more
+
+
+def test_info_shows_points_as_they_stand_in_their_file(tmp_path):
+    (tmp_path / "p.csv").write_text("frame,u_px,v_px,sigma_px,target\n0,10.5,20,0.5,a\n7,1,2,0.25,\n")
+    assert json.loads(run("info", tmp_path / "p.csv", "--json").stdout) == {
+        "frame": [0, 7],
+        "points_px": [[10.5, 20.0], [1.0, 2.0]],
+        "target": ["a", ""],
+        "sigma_px": [0.5, 0.25],
+        "source": "p.csv",
+    }
+
+
+@pytest.mark.parametrize("command", ["calibrate", "detect"])
+@pytest.mark.parametrize("option", [("--mask", "mask.png"), ("--centre", "mass")])
+def test_what_is_for_images_is_refused_for_volumes_before_anything_is_detected(tmp_path, command, option):
+    still = SweepOptions(frames=2, rate_hz=1, seed=2)
+    paths = write_sweep(simulate_sweep(curvilinear_3d(32, 3.6), options=still), tmp_path)
+    done = run(command, paths[0], "--lines", paths[1], *option, "-o", tmp_path / "out")
+    assert done.exit_code == 1
+    assert done.stderr == (
+        f"Error: sweep.igs.mha: has no 2D images; lines in volumes are found without {option[0]}, leave it out\n"
+    )
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_report_of_a_recording_shows_its_frames(swept, tmp_path):
@@ -368,7 +435,7 @@ def test_a_mask_says_where_to_look(swept, tmp_path):
         (
             ["needle.toml"],
             1,
-            "needle.toml: is a file of kind 'lines'; give a table of sightings (CSV), or a recording with --lines",
+            "needle.toml: is a file of kind 'targets'; give a table of sightings (CSV), or a recording with --lines",
         ),
         (
             ["observations.csv", "--probe", "P"],
@@ -384,11 +451,6 @@ def test_a_mask_says_where_to_look(swept, tmp_path):
             ["sweep.igs.mha", "--lines", "needle.toml", "--points", "p.csv", "--count", "3"],
             2,
             "--count is for detection; with --points nothing is detected",
-        ),
-        (
-            ["sweep.igs.mha", "--lines", "needle.toml", "--threshold-mm", "auto"],
-            2,
-            "--threshold-mm auto is for tables and --points; detection needs a number",
         ),
     ],
 )

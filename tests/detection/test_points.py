@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import sonocal as sc
-from sonocal.detection import PointDetector, as_grey, detect_points, find_mask
+from sonocal.detection import DetectionOptions, PointDetector, as_grey, detect, find_mask
 from sonocal.recording import (
     ArrayFrames,
     ImageGeometry,
@@ -203,8 +203,8 @@ def test_text_and_rulers_are_masked_and_the_needle_is_not():
     mask = find_mask(images)
     assert not mask[5:12, 120:150:3].any()
     assert mask[40:, :].all()
-    found = detect_points(recording_of(images))
-    best = found.points_px[found.rank == 0]
+    found = detect(recording_of(images))
+    best = found.points_px[found.rank == 0, 0]
     np.testing.assert_allclose(best, [[40 + 8 * i, 60] for i in range(9)], atol=1.5)
 
 
@@ -226,9 +226,9 @@ def test_a_recording_that_stands_still_is_not_masked_away():
 def test_detection_streams_and_says_how_far_it_is():
     images = np.stack([grey(blob(60, 50))] * 4)
     steps = []
-    found = detect_points(recording_of(images), progress=lambda done, total: steps.append((done, total)))
+    found = detect(recording_of(images), progress=lambda done, total: steps.append((done, total)))
     assert steps == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    assert found.frames == 4
+    assert found.images == 4
     assert found.frame.tolist() == sorted(found.frame.tolist())
 
 
@@ -237,10 +237,10 @@ def test_wires_of_real_images_are_found_where_plus_found_them(data_folder):
     rows = sc.read_observations(data_folder / "observations" / "fcal12_ascension.csv").select_split(
         "calibration"
     )
-    found = detect_points(recording, count=15, centre="mass")
+    found = detect(recording, DetectionOptions(count=15, centre="mass"))
     distance = np.array(
         [
-            np.linalg.norm(found.points_px[found.frame == frame] - point, axis=1).min()
+            np.linalg.norm(found.points_px[found.frame == frame, 0] - point, axis=1).min()
             for frame, point in zip(rows.frame, rows.points_px, strict=True)
         ]
     )

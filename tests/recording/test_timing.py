@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -133,3 +135,56 @@ def test_recordings_that_do_not_overlap_are_not_joined():
     far = Recording(times=tracker.times + 1e6, poses=tracker.poses)
     with pytest.raises(InputError, match="they do not overlap; bring both to one clock"):
         join(images, far)
+
+
+def timed(matrices, times, tool="Probe"):
+    poses = Poses.of(tool, "Tracker", matrices)
+    return Recording(times=times, poses={poses.name: poses})
+
+
+@given(st.integers(0, 10**6), st.integers(-3, 3).filter(bool))
+def test_a_latency_of_whole_items_moves_the_poses_by_as_many(seed, items):
+    """To the bit, and beyond the ends there are none."""
+    matrices, times = random_poses(np.random.default_rng(seed), 9), np.arange(9) / 8
+    moved = with_latency(timed(matrices, times), items / 8)
+    there = np.arange(9) + items
+    inside = (there >= 0) & (there < 9)
+    (poses,) = moved.poses.values()
+    np.testing.assert_array_equal(poses.valid, inside)
+    assert poses.matrices[inside].tobytes() == matrices[there[inside]].tobytes()
+    assert moved.latency_s == items / 8
+
+
+@given(st.integers(0, 10**6), st.floats(-0.2, 0.2))
+def test_a_latency_is_the_same_as_earlier_stamps(seed, latency_s):
+    rng = np.random.default_rng(seed)
+    images, tracker = (
+        timed(random_poses(rng, 9), np.arange(9) / 8),
+        timed(random_poses(rng, 40), np.arange(40) / 32),
+    )
+    joined = join(images, tracker, latency_s)
+    early = join(images, replace(tracker, times=tracker.times - latency_s))
+    np.testing.assert_array_equal(
+        joined.poses["tracker_from_probe"].valid, early.poses["tracker_from_probe"].valid
+    )
+    np.testing.assert_allclose(
+        joined.poses["tracker_from_probe"].matrices, early.poses["tracker_from_probe"].matrices, atol=1e-9
+    )
+    assert (joined.latency_s, early.latency_s) == (latency_s, 0.0)
+
+
+def test_a_latency_is_remembered_and_a_second_one_refused():
+    recording = timed(random_poses(np.random.default_rng(0), 9), np.arange(9) / 8)
+    moved = with_latency(recording, 0.125)
+    assert with_latency(moved, 0.0) is moved
+    assert join(recording, moved).latency_s == 0.125
+    for again in (lambda: with_latency(moved, -0.125), lambda: join(recording, moved, 0.25)):
+        with pytest.raises(InputError, match=r"its poses were moved by a latency of 0\.125 s before"):
+            again()
+
+
+@pytest.mark.parametrize("latency_s", [np.nan, np.inf, "0.1", True])
+def test_a_latency_that_is_no_number_is_refused(latency_s):
+    recording = timed(random_poses(np.random.default_rng(0), 9), np.arange(9) / 8)
+    with pytest.raises(InputError, match="recording: latency_s must be a number of seconds; got"):
+        with_latency(recording, latency_s)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import sonocal as sc
-from sonocal.detection import Candidates, detect_points, detect_volumes
-from sonocal.files.png import png
+from sonocal.detection import detect
 from sonocal.geometry import homogeneous_points, predicted_points, similarity_errors
 from sonocal.recording import (
     ArrayFrames,
@@ -22,10 +21,6 @@ from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 from sonocal.sweep import calibrate_candidates, calibrate_recording
-from sonocal.sweep.contact_sheet import (
-    CHOSEN,
-    contact_sheet,
-)
 from sonocal.targets import read_lines
 
 
@@ -180,44 +175,15 @@ def test_black_images_are_refused_in_one_sentence(sweep):
         calibrate_recording(black, sweep.lines)
 
 
-def test_the_contact_sheet_is_a_png_that_shows_every_candidate(sweep):
-    part = sweep.recording.select(np.arange(3))
-    found = detect_points(part, count=2)
-    assert isinstance(found, Candidates)
-    sheet = contact_sheet(part, found)
-    coloured = (sheet[..., 0] != sheet[..., 2]).any(axis=0)
-    assert coloured.any()
-    data = png(sheet)
-    assert data.startswith(b"\x89PNG\r\n\x1a\n")
-    assert int.from_bytes(data[16:20], "big") == sheet.shape[1]
-
-
-def test_the_contact_sheet_of_volumes_shows_their_lines_from_two_sides():
-    sweep = simulate_sweep(curvilinear_3d(48, 2.4), options=SweepOptions(frames=2, rate_hz=4, hidden_share=0))
-    found = detect_volumes(sweep.recording, count=1)
-    assert found.frame.tolist() == [0, 1]
-    plain = contact_sheet(
-        sweep.recording, replace(found, frame=found.frame[:0], rank=found.rank[:0], lines=())
-    )
-    sheet = contact_sheet(sweep.recording, found)
-    assert sheet.shape == plain.shape == (160, 4 * 320, 3)
-    changed = (sheet != plain).any(axis=(0, 2))
-    assert all(changed[k * 160 : (k + 1) * 160].any() for k in range(4))
-    assert not changed[4 * 160 :].any()
-    ends = np.concatenate([line.ends_px for line in found.lines])
-    green = contact_sheet(sweep.recording, found, (np.repeat(found.frame, 2), ends))
-    assert (green == CHOSEN).all(axis=2).any()
-
-
 def test_the_best_line_of_a_volume_lies_on_the_needle():
     alone = SweepOptions(frames=8, rate_hz=1, sigma_px=0, hidden_share=0, compact=0, interfaces=0)
     sweep = simulate_sweep(curvilinear_3d(64, 1.8), options=alone)
-    found = detect_volumes(sweep.recording)
+    found = detect(sweep.recording)
     off = []
-    for frame, line in zip(found.frame, found.lines, strict=True):
+    for frame, ends in zip(found.frame, found.points_px, strict=True):
         first, second = sweep.truth.points_px[frame]
         along = (second - first) / np.linalg.norm(second - first)
-        off.append(np.linalg.norm(np.cross(line.ends_px - first, along), axis=1).max())
+        off.append(np.linalg.norm(np.cross(ends - first, along), axis=1).max())
     best = np.array(off)[found.rank == 0]
     # One of the needles lies in the bright band under the face.
     assert (best < 1).sum() >= 7
@@ -228,16 +194,10 @@ def test_volumes_whose_first_lines_were_elsewhere_are_looked_at_again():
     sweep = simulate_sweep(curvilinear_3d(64, 1.8), options=options)
     frames = ArrayFrames(np.stack(list(sweep.recording.frames)))
     recording = replace(sweep.recording, frames=frames)
-    found = detect_volumes(recording)
-    rows = np.flatnonzero(found.frame % 4 != 0)
-    part = replace(
-        found,
-        frame=found.frame[rows],
-        rank=found.rank[rows],
-        lines=tuple(found.lines[i] for i in rows),
-    )
-    once = calibrate_recording(recording, sweep.lines, candidates=part, second_look=False)
-    twice = calibrate_recording(recording, sweep.lines, candidates=part)
+    found = detect(recording)
+    part = found.select(found.frame % 4 != 0)
+    once = calibrate_recording(recording, sweep.lines, detections=part, second_look=False)
+    twice = calibrate_recording(recording, sweep.lines, detections=part)
     shown = np.flatnonzero(sweep.truth.visible)
     assert not np.any(once.observations.frame % 4 == 0)
     assert np.isin(twice.observations.frame, shown).all()

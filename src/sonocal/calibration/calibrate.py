@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Unpack
 
-import numpy as np
-
-from sonocal.calibration.diagnostics import fit_findings
+from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import evidence_of, set_up_findings
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
@@ -89,7 +87,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,
-        covariance=noise.covariance if np.all(np.isfinite(noise.covariance)) else None,
+        covariance=noise.covariance if predicts(noise) else None,
         noise=noise,
         area_px=area,
         fit=ErrorStatistics.of(fit.residuals_mm[fit.inlier], len(rows), int(fit.inlier.sum())),

@@ -40,6 +40,7 @@ __all__ = [
     "diagnose_rival",
     "diagnose_weakness",
     "fit_findings",
+    "predicts",
 ]
 
 # Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
@@ -95,8 +96,7 @@ def diagnose_image_plane(rotation: Array, directions: Array) -> Iterator[Diagnos
         rotation: (3, 3), of the calibration.
         directions: (N, 3), of the needles in the probe marker's frame.
     """
-    angles = np.degrees(np.arcsin(np.clip(np.abs(directions @ rotation[:, 2]), 0.0, 1.0)))
-    flat = int(np.sum(angles < FLAT_DEG))
+    flat = int(np.count_nonzero(np.abs(directions @ rotation[:, 2]) < np.sin(np.radians(FLAT_DEG))))
     if flat <= FLAT_SHARE * len(directions):
         return
     yield Diagnostic(
@@ -253,11 +253,16 @@ def fit_findings(
     yield from anisotropy_findings(mapped.table, fit, groupings)
 
 
+def predicts(noise: Noise) -> bool:
+    """Whether the covariance is one: no row may be left over to tell, or a fit not have come to rest."""
+    return bool(np.all(np.isfinite(noise.covariance)) and np.all(np.diag(noise.covariance) >= 0))
+
+
 def weakness_findings(
     table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
 ) -> Iterator[Diagnostic]:
     """The predicted error at the corners against what is accepted."""
-    if not np.all(np.isfinite(noise.covariance)):
+    if not predicts(noise):
         return
     corners = area_places(area)[:-1]
     covariances = point_covariance(fit.transform, noise.covariance, corners)

@@ -255,9 +255,20 @@ def _options_record(calibration: Calibration) -> dict[str, Any]:
 def _transform(matrix: np.ndarray[Any, np.dtype[np.float64]], record: Record) -> AxisScaled:
     scales = np.resize(record.scale_mm_per_px, 3)
     scales[2] = np.mean(record.scale_mm_per_px)
-    rotation, translation = matrix[:3, :3] / scales, matrix[:3, 3]
+    rotation, translation = _exact_quotient(matrix[:3, :3], scales), matrix[:3, 3]
     similarity = Similarity(rotation, translation, scales[0])  # checks that it is one
     return similarity if record.model == "similarity" else AxisScaled(rotation, translation, scales)
+
+
+def _exact_quotient(product: Array, factor: Array) -> Array:
+    """What times the factor gives the product to the last bit, which the rounded quotient may miss by one."""
+    quotient = product / factor
+    for towards in (-np.inf, np.inf):
+        neighbour = np.nextafter(quotient, towards)
+        quotient = np.where(
+            (quotient * factor != product) & (neighbour * factor == product), neighbour, quotient
+        )
+    return np.asarray(quotient)
 
 
 def _scale_count(model: Model) -> int:

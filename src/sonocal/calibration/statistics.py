@@ -52,9 +52,11 @@ class ErrorStatistics:
 
 def _quantiles(values: Array, shares: tuple[float, ...]) -> list[float]:
     """Quantiles by linear interpolation: NumPy's own take a tenth of a whole calibration's time."""
-    ordered = np.sort(values)
+    ordered, last = np.sort(values), len(values) - 1
+    places = [share * last for share in shares]
     return [
-        float(np.interp(share * (len(ordered) - 1), np.arange(len(ordered)), ordered)) for share in shares
+        float(ordered[int(at)] + (at - int(at)) * (ordered[min(int(at) + 1, last)] - ordered[int(at)]))
+        for at in places
     ]
 
 

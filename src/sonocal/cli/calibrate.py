@@ -76,7 +76,7 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
     type=click.Choice(["likelihood", "geometric"]),
     default="likelihood",
     show_default=True,
-    help="Weigh distances by the noise they carry, or all alike as the paper does, and as found volumes are.",
+    help="Weigh distances by the noise they carry, or all alike as the paper does.",
 )
 @click.option("--sigma-px", type=float, help="Noise of an image point along each axis.  [default: estimated]")
 @click.option(
@@ -158,13 +158,11 @@ def _refuse_mixture(*, recording: bool, given: bool) -> None:
         raise click.UsageError(f"{names[0]} is for tables; a recording has no splits")
     if given and (names := typed(OF_DETECTION)):
         raise click.UsageError(f"{names[0]} is for detection; with --points nothing is detected")
-    if recording and not given and click.get_current_context().params["threshold_mm"] == "auto":
-        raise click.UsageError("--threshold-mm auto is for tables and --points; detection needs a number")
 
 
 def _from_table(source: Path, options: dict[str, Any]) -> Result:
     import sonocal
-    from sonocal.files.kinds import kind_of
+    from sonocal.cli.formats import kind_of
 
     if source.is_dir():
         raise InputError(
@@ -174,7 +172,7 @@ def _from_table(source: Path, options: dict[str, Any]) -> Result:
         raise InputError(
             f"{source.name}: is a recording; say with --lines which needle or wires were seen in it"
         )
-    if kind not in ("observations", "table"):
+    if kind not in ("observations", None):
         raise InputError(
             f"{source.name}: is a file of kind {kind!r}; give a table of sightings (CSV), or a recording with --lines"
         )

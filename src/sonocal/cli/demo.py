@@ -46,14 +46,11 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
         print_truth,
     )
     from sonocal.files import write_into_folder
-    from sonocal.observations import observations_csv, parse_observations
+    from sonocal.observations.table_file import as_file
     from sonocal.simulation.scene import IMAGE_PX, simulate_observations
 
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
-    table = observations_csv(simulated.observations)
-    rows = parse_observations(
-        table, "observations.csv"
-    )  # as validation will read it: with its name and digest
+    table, rows = as_file(simulated.observations, "observations.csv")
     calibration = sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension))
     files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
     files |= report_files(calibration, rows) if report else {}

@@ -21,7 +21,6 @@ from sonocal.cli.options import (
     output_folder,
     progress,
     seed,
-    typed,
 )
 
 __all__ = ["COMMANDS"]
@@ -112,53 +111,36 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
 @PROBE
 @LATENCY
 @INVALID
-def detect(
-    recording: Path,
-    lines: Path | None,
-    output: Path,
-    sheet: Path | None,
-    *,
-    poses: Path | None,
-    latency_s: float,
-    count: int,
-    centre: Any,
-    mask: Path | None,
-    **options: Any,
-) -> None:
+def detect(recording: Path, lines: Path | None, output: Path, sheet: Path | None, **options: Any) -> None:
     """Find the needle in a recording's images: several candidates an image, best first, as a table of sightings.
 
     At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
     """
-    from sonocal.detection import Candidates, LineCandidates, detect_points, detect_volumes, read_mask
+    from sonocal import detection
+    from sonocal.cli.from_recording import looking
     from sonocal.files import write_atomically
     from sonocal.files.png import png
     from sonocal.observations import write_observations
     from sonocal.recording.formats import read_recording
+    from sonocal.sweep import Posing, tabulate
+    from sonocal.sweep.calibrate import no_candidates
     from sonocal.sweep.contact_sheet import contact_sheet
-    from sonocal.sweep.sightings import (
-        candidate_observations,
-        line_observations,
-    )
     from sonocal.targets import read_lines
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
-    loaded = read_recording(recording, poses, latency_s, options["on_invalid"])
+    loaded = read_recording(recording, options["poses"], options["latency_s"], options["on_invalid"])
     known, fixed = read_lines(lines)
-    options["fixed"] = fixed
     with progress("detecting") as report:
-        found: Candidates | LineCandidates
-        if loaded.image is not None and loaded.image.dimension == 3:
-            found = detect_volumes(loaded, progress=report, **({"count": count} if typed(("count",)) else {}))
-        else:
-            drawn = None if mask is None else read_mask(mask, loaded.frames.shape[:2])
-            found = detect_points(loaded, count=count, centre=centre, mask=drawn, progress=report)
+        look = detection.DetectionOptions(**looking(loaded, options))
+        found = detection.detect(loaded, look, report)
     if sheet is not None:
         write_atomically(sheet, png(contact_sheet(loaded, found)))
-    if isinstance(found, LineCandidates):
-        table = line_observations(loaded, known, found, **options)
-    else:
-        table = candidate_observations(loaded, known, found, **options)
+    if len(found) == 0:
+        raise no_candidates(loaded.name, found.images)
+    table = tabulate(
+        loaded, known, found, Posing(options["probe"], fixed, options["on_invalid"])
+    ).observations
     write_observations(table, output)
     click.echo(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,7 +16,14 @@ from sonocal.cli.options import (
     console,
     progress,
 )
-from sonocal.errors import InputError
+
+if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+    from sonocal.detection import Detections
+    from sonocal.files.kinds import Kind
+    from sonocal.observations import Observations
+    from sonocal.targets import DeviceSet, Targets
+    from sonocal.validation import PointSightings
 
 __all__ = ["info"]
 
@@ -37,13 +44,13 @@ def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_js
 
     Recordings, tables of sightings or points, calibrations, needles (.toml), PLUS device sets.
     """
-    from sonocal.files.kinds import kind_of
+    from sonocal.cli.formats import format_of
 
-    kind = kind_of(file)
-    if kind == "recording":
+    found = format_of(file)
+    if found.kind == "recording":
         record, show = _recording(file, poses, latency_s, quick=quick)
     else:
-        record, show = _READERS[kind](file)
+        record, show = _SCREENS[found.kind](file.name, found.read(file))
     if as_json:
         import msgspec
 
@@ -64,91 +71,61 @@ def _recording(file: Path, poses: Path | None, latency_s: float, *, quick: bool)
     return summary, lambda: print_recording(console(), summary)
 
 
-def _calibration(file: Path) -> Shown:
+def _calibration(_: str, found: Calibration) -> Shown:
     import msgspec
 
-    from sonocal.calibration import (
-        calibration_json,
-        load_calibration,
-    )
+    from sonocal.calibration import calibration_json
     from sonocal.cli.screen.calibration import print_calibration
 
-    found = load_calibration(file)
     return msgspec.Raw(calibration_json(found)), lambda: print_calibration(console(), found)
 
 
-def _observations(file: Path) -> Shown:
-    from sonocal.cli.screen.calibration import (
-        observation_splits,
-        print_observations,
-    )
-    from sonocal.observations import read_observations
+def _observations(_: str, found: Observations) -> Shown:
+    from sonocal.cli.screen.calibration import observation_splits, print_observations
 
-    found = read_observations(file)
     return observation_splits(found), lambda: print_observations(console(), found)
 
 
-def _unknown_table(file: Path) -> Shown:
-    raise InputError(
-        f"{file.name}: is text that sonocal does not know; it reads tables of sightings (with x0_mm ... z1_mm), points "
-        "(u_px, v_px) and poses (Probe_qw, ...), recordings, calibrations, needles (.toml) and PLUS device sets"
-    )
-
-
-def _points(file: Path) -> Shown:
+def _points(_: str, found: Detections) -> Shown:
     from sonocal.cli.screen.recording import print_points
-    from sonocal.sweep import read_detections
 
-    found = read_detections(file)
-    return found, lambda: print_points(console(), found)
+    record = {"frame": found.frame, "points_px": found.points_px[:, 0], "target": found.target.tolist()}
+    record |= {"sigma_px": None if found.sigma_px is None else found.sigma_px[:, 0], "source": found.source}
+    return record, lambda: print_points(console(), found)
 
 
-def _known_points(file: Path) -> Shown:
+def _known_points(_: str, found: PointSightings) -> Shown:
     from sonocal.cli.screen.validation import print_point_sightings
-    from sonocal.validation import read_point_sightings
 
-    found = read_point_sightings(file)
     return found, lambda: print_point_sightings(console(), found)
 
 
-def _lines(file: Path) -> Shown:
-    from sonocal.cli.screen.recording import (
-        print_lines,
-        print_tips,
-    )
-    from sonocal.targets import (
-        read_lines,
-        read_points_toml,
-    )
-
-    tips = read_points_toml(file)
-    lines = () if tips and b"[[line]]" not in file.read_bytes() else read_lines(file)[0]
+def _targets(name: str, found: Targets) -> Shown:
+    from sonocal.cli.screen.recording import print_lines, print_tips
 
     def show() -> None:
-        if lines:
-            print_lines(console(), f"{file.name}: needles and wires", lines)
-        if tips:
-            print_tips(console(), f"{file.name}: points of tools", tips)
+        if found.lines:
+            print_lines(console(), f"{name}: needles and wires", found.lines)
+        if found.points:
+            print_tips(console(), f"{name}: points of tools", found.points)
 
-    return {"lines": lines, "points": tips}, show
+    return found, show
 
 
-def _device_set(file: Path) -> Shown:
+def _device_set(_: str, found: DeviceSet) -> Shown:
     from sonocal.cli.screen.recording import print_device_set
-    from sonocal.targets import read_device_set
 
-    found = read_device_set(file)
     transforms = {f"{source}To{target}": matrix for (target, source), matrix in found.transforms.items()}
     record = {"name": found.name, "transforms": transforms, "wires": found.wires, "patterns": found.patterns}
     return record, lambda: print_device_set(console(), found)
 
 
-_READERS: dict[str, Callable[[Path], Shown]] = {
+# What shows each kind of file: its name in messages and what its format read.
+_SCREENS: dict[Kind, Callable[[str, Any], Shown]] = {
     "calibration": _calibration,
     "device set": _device_set,
     "known points": _known_points,
-    "lines": _lines,
     "observations": _observations,
     "points": _points,
-    "table": _unknown_table,
+    "targets": _targets,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ __all__ = [
     "Size",
     "Threshold",
     "console",
+    "given",
     "output_folder",
     "progress",
     "seed",
@@ -140,6 +141,12 @@ def typed(names: tuple[str, ...]) -> list[str]:
         for option in context.command.params
         if option.name in names and context.get_parameter_source(option.name) is there
     ]
+
+
+def given(names: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of those options, of some, that stand on the command line: others are left to what suits the data."""
+    context, there = click.get_current_context(), click.core.ParameterSource.COMMANDLINE
+    return {name: values[name] for name in names if context.get_parameter_source(name) is there}
 
 
 def console() -> Console:

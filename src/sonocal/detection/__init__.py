@@ -1,31 +1,33 @@
-"""The needle in images: candidate points in 2D, lines in 3D."""
+"""The needle in images: points in 2D, lines in 3D; of one image, and of a whole recording in one call."""
 
+from sonocal.detection.detections import Detections
 from sonocal.detection.grey import as_grey
 from sonocal.detection.lines import (
     LineCandidate,
-    LineCandidates,
     detect_line_near,
     detect_lines,
-    detect_volumes,
     line_through_slices,
 )
 from sonocal.detection.masks import find_mask, read_mask
-from sonocal.detection.points import Candidates, PointDetector, detect_points
+from sonocal.detection.options import DetectionOptions
+from sonocal.detection.points import PointDetector
+from sonocal.detection.points_file import read_detections
+from sonocal.detection.recordings import detect
 from sonocal.detection.slices import VolumeSlice, slice_volume
 
 __all__ = [
-    "Candidates",
+    "DetectionOptions",
+    "Detections",
     "LineCandidate",
-    "LineCandidates",
     "PointDetector",
     "VolumeSlice",
     "as_grey",
+    "detect",
     "detect_line_near",
     "detect_lines",
-    "detect_points",
-    "detect_volumes",
     "find_mask",
     "line_through_slices",
+    "read_detections",
     "read_mask",
     "slice_volume",
 ]

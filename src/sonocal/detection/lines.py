@@ -21,18 +21,14 @@ from sonocal.detection.line_search import (
     strongest_line,
     voxels,
 )
-from sonocal.detection.points import PointDetector, Progress
+from sonocal.detection.points import PointDetector
 from sonocal.detection.slices import slice_volume
-from sonocal.errors import InputError
 from sonocal.geometry import Array
-from sonocal.recording import Recording
 
 __all__ = [
     "LineCandidate",
-    "LineCandidates",
     "detect_line_near",
     "detect_lines",
-    "detect_volumes",
     "line_through_slices",
 ]
 
@@ -75,60 +71,6 @@ class LineCandidate:
     def sigma_px(self) -> Array:
         """(2,): standard deviation of an end across the line, the mean over both directions."""
         return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2) / 2))
-
-
-@dataclass(frozen=True, eq=False)
-class LineCandidates:
-    """Lines that may be the needle; all have one entry a candidate, best first within a volume.
-
-    Attributes:
-        frame: (N,) index of the volume.
-        rank: (N,): 0 for the best candidate of its volume.
-        lines: (N,).
-        frames: how many volumes were looked at.
-    """
-
-    frame: NDArray[np.int64]
-    rank: NDArray[np.int64]
-    lines: tuple[LineCandidate, ...]
-    frames: int
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-
-def detect_volumes(
-    recording: Recording, *, count: int = COUNT, progress: Progress | None = None
-) -> LineCandidates:
-    """Lines in every valid volume of a recording, one volume in memory at a time.
-
-    Args:
-        recording: 3D images.
-        count: candidates a volume at the most.
-        progress: called with how many volumes are done and how many there are.
-
-    Raises:
-        InputError: there are no volumes.
-    """
-    if recording.image is None or recording.image.dimension != 3 or len(recording.frames) == 0:
-        raise InputError(f"{recording.name}: has no volumes to look for a needle in; record volumes too")
-    found: list[LineCandidate] = []
-    frame: list[int] = []
-    rank: list[int] = []
-    for i, volume in enumerate(recording.frames):
-        if recording.image_valid[i]:
-            lines = detect_lines(volume, count, name=f"{recording.name}, frame {i}")
-            found += lines
-            frame += [i] * len(lines)
-            rank += range(len(lines))
-        if progress is not None:
-            progress(i + 1, len(recording))
-    return LineCandidates(
-        np.array(frame, dtype=np.int64),
-        np.array(rank, dtype=np.int64),
-        tuple(found),
-        int(recording.image_valid.sum()),
-    )
 
 
 def detect_lines(

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.detection.grey import as_grey
-from sonocal.detection.masks import find_mask
+from sonocal.detection.options import Centre
 from sonocal.errors import InputError
 from sonocal.geometry import Array
-from sonocal.recording import Recording
 
-__all__ = ["Candidates", "Centre", "PointDetector", "detect_points"]
-
-Centre = Literal["head", "mass"]
-Progress = Callable[[int, int], None]
+__all__ = ["LEAST_SCORE", "PointDetector"]
 
 SCALES = 6
 RATIO = 1.6
@@ -44,45 +38,6 @@ MERGED_SCALES = 10.0
 TAIL_PX2 = np.diag([0.14, 0.9])
 # The less an echo stands out, the less certain its place; the numbers above are for this contrast.
 USUAL_CONTRAST = 130.0
-
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Places that may be the needle; all arrays have one entry a candidate, best first within a frame.
-
-    Attributes:
-        frame: (N,) index of the image.
-        points_px: (N, 2).
-        covariance_px2: (N, 2, 2).
-        score: (N,): contrast in units of the image's own noise, more where it is great, less for what is long.
-        frames: how many images were looked at.
-    """
-
-    frame: NDArray[np.int64]
-    points_px: Array
-    covariance_px2: Array
-    score: Array
-    frames: int
-
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    @property
-    def rank(self) -> NDArray[np.int64]:
-        """(N,): 0 for the best candidate of its frame."""
-        start = np.searchsorted(self.frame, self.frame, side="left")
-        return np.asarray(np.arange(len(self.frame)) - start)
-
-    @property
-    def sigma_px(self) -> Array:
-        """(N,): standard deviation of a coordinate, the mean over directions."""
-        return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2) / 2))
-
-    def select(self, rows: NDArray[Any]) -> Candidates:
-        """Some of the candidates, by a mask or indices."""
-        return Candidates(
-            self.frame[rows], self.points_px[rows], self.covariance_px2[rows], self.score[rows], self.frames
-        )
 
 
 class PointDetector:
@@ -158,56 +113,6 @@ class PointDetector:
             covariances += merged[:, None, None] * TAIL_PX2
             covariances *= (USUAL_CONTRAST / blobs[:, 4])[:, None, None]
         return np.asarray(covariances)
-
-
-def detect_points(
-    recording: Recording,
-    *,
-    count: int = 5,
-    mask: NDArray[np.bool_] | None = None,
-    centre: Centre = "head",
-    scales_px: tuple[float, ...] | None = None,
-    least_score: float = LEAST_SCORE,
-    progress: Progress | None = None,
-) -> Candidates:
-    """Candidates in every valid image of a recording, one image in memory at a time.
-
-    Args:
-        recording: 2D images.
-        count: candidates an image at the most.
-        mask: True where to look; default: found from the recording.
-        centre: "head" or "mass", see `PointDetector`.
-        scales_px: see `PointDetector`.
-        least_score: see `PointDetector`.
-        progress: called with how many images are done and how many there are.
-
-    Raises:
-        InputError: there are no 2D images.
-    """
-    if recording.image is None or recording.image.dimension != 2 or len(recording.frames) == 0:
-        raise InputError(f"{recording.name}: has no 2D images to look for a needle in; record images too")
-    detector = PointDetector(
-        find_mask(recording.frames, name=recording.name) if mask is None else mask,
-        count,
-        centre=centre,
-        scales_px=scales_px,
-        least_score=least_score,
-    )
-    found: list[tuple[Array, Array, Array]] = []
-    index: list[int] = []
-    for i, image in enumerate(recording.frames):
-        if recording.image_valid[i]:
-            found.append(detector.detect(image, f"{recording.name}, frame {i}"))
-            index += [i] * len(found[-1][0])
-        if progress is not None:
-            progress(i + 1, len(recording))
-    return Candidates(
-        frame=np.array(index, dtype=np.int64),
-        points_px=np.concatenate([np.empty((0, 2)), *(f[0] for f in found)]),
-        covariance_px2=np.concatenate([np.empty((0, 2, 2)), *(f[1] for f in found)]),
-        score=np.concatenate([np.empty(0), *(f[2] for f in found)]),
-        frames=len(found),
-    )
 
 
 def default_scales(shape: tuple[int, ...]) -> tuple[float, ...]:

@@ -1,52 +1,126 @@
-"""What kind of file a path names, by what is in it."""
+"""What a format says of itself, and which of several formats a file is in, by what is in it.
+
+A room that reads files lists its formats (`sonocal.recording.formats.registry`, `sonocal.targets.formats`); the
+command line joins the lists. Nothing heavy is imported until a file is read.
+"""
 
 from __future__ import annotations
 
-import re
+import csv
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from sonocal.files.disk import read_at
 
-__all__ = ["Kind", "kind_of"]
+__all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "suffixes_of"]
 
 Kind = Literal[
-    "calibration", "device set", "known points", "lines", "observations", "points", "recording", "table"
-]
+    "calibration", "device set", "known points", "observations", "points", "recording", "targets"
+]  # fmt: skip
 
-HEAD = 4096
-POSE_COLUMN = re.compile(r"(.*_)?(qw|m00)|.+To[A-Z0-9_].*Transform|Format Version")
+HEAD_BYTES = 4096
+TABLE_SUFFIXES = (".csv", ".txt")
 
 
-def kind_of(path: Path) -> Kind:
-    """The kind of a file that sonocal may read.
+@dataclass(frozen=True)
+class Head:
+    """The start of a file, read once, and what formats are known by.
 
-    Returns:
-        "observations", "points" (found in images) and "known points" (whose place or pose is known) are tables known by
-        their columns, "table" is other text. What is none of the
-        others is taken for a recording, whose reader says what it is not.
-
-    Raises:
-        InputError: the file cannot be opened.
+    Attributes:
+        path: of the file, or of a folder.
+        content: its first bytes; none of a folder.
     """
-    if path.is_dir():
-        return "recording"
-    head = read_at(path, 0, HEAD).removeprefix(b"\xef\xbb\xbf").lstrip()
-    if head.startswith(b"{"):
-        return "calibration"
-    if head.startswith(b"<"):
-        return "device set"
-    if path.suffix.lower() == ".toml" or head.startswith((b"[[line]]", b"[[point]]")):
-        return "lines"
-    if b"\0" in head or head.startswith(b"NRRD") or re.match(rb"\w+[ \t]*=", head):
-        return "recording"
-    return _kind_of_table(head.partition(b"\n")[0].decode("utf-8", "replace"))
+
+    path: Path
+    content: bytes
+
+    @classmethod
+    def of(cls, path: Path) -> Head:
+        """Read the start of a file.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        return cls(path, b"" if path.is_dir() else read_at(path, 0, HEAD_BYTES))
+
+    @property
+    def suffix(self) -> str:
+        """The end of the name, in small letters: ``.mha`` of ``Sweep.igs.MHA``."""
+        return self.path.suffix.lower()
+
+    @cached_property
+    def text(self) -> bytes:
+        """The content without a byte order mark and blanks before it."""
+        return self.content.removeprefix(b"\xef\xbb\xbf").lstrip()
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """The cells of the first line, as the header of a CSV table has them; none where that is no text."""
+        if b"\0" in self.content:
+            return ()
+        line = self.text.splitlines()[:1]
+        try:
+            cells = next(csv.reader([line[0].decode("utf-8", "replace")]), []) if line else []
+        except csv.Error:
+            return ()
+        return tuple(cell.strip() for cell in cells)
+
+    @property
+    def looks_like(self) -> str:
+        """What a file is, in words for a message, where no format claims it."""
+        if not self.content.strip():
+            return "an empty file"
+        if b"\0" in self.content:
+            return "binary data"
+        return "XML" if self.text.startswith(b"<") else "text"
 
 
-def _kind_of_table(first_line: str) -> Kind:
-    header = [cell.strip().strip('"') for cell in first_line.split(",")]
-    if "x0_mm" in header:
-        return "observations"
-    if "u_px" in header:
-        return "known points" if {"x_mm", "probe_00"} & set(header) else "points"
-    return "recording" if any(POSE_COLUMN.fullmatch(cell) for cell in header) else "table"
+@dataclass(frozen=True)
+class Format:
+    """One format of files: the whole of what the rest of the package must know of it.
+
+    Attributes:
+        name: as people call it.
+        kind: what is in such a file.
+        suffixes: how names of such files end, in small letters; none of folders.
+        sniff: whether a file that starts so is one. Sound files are claimed by one format alone.
+        read: reads a file, and raises a `SonocalError` of one sentence where it cannot.
+        holds: what of the format is read, in a line for the documentation.
+        write: ``write(value, path)`` writes what `read` gives; recordings are told whether to compress, too.
+            None of formats that are only read.
+        writes: which of the suffixes may be written.
+        needs: packages to install for it.
+        header: of tables, what their first line is known by, in words.
+    """
+
+    name: str
+    kind: Kind
+    suffixes: tuple[str, ...]
+    sniff: Callable[[Head], bool]
+    read: Callable[[Path], Any]
+    holds: str
+    write: Callable[..., None] | None = None
+    writes: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    header: str = ""
+
+
+def recognise(head: Head, formats: Iterable[Format]) -> Format | None:
+    """The format that a file is in: by what is in it, or else by its name, since damaged files keep theirs.
+
+    A name counts where all formats that share its suffix are of one kind: ``.csv`` alone says nothing of a
+    table among tables of several kinds.
+    """
+    formats = tuple(formats)
+    if claimed := next((one for one in formats if one.sniff(head)), None):
+        return claimed
+    named = [one for one in formats if head.suffix in one.suffixes]
+    return named[0] if len({one.kind for one in named}) == 1 else None
+
+
+def suffixes_of(formats: Iterable[Format]) -> str:
+    """The suffixes of formats, each once, for a message."""
+    return ", ".join(dict.fromkeys(suffix for one in formats for suffix in one.suffixes))

@@ -20,12 +20,16 @@ __all__ = [
 ]
 
 
+# Of the way from an area's least to its greatest corner, (M, d): the corners, then the centre.
+CORNERS_AND_CENTRE = {
+    d: np.vstack([np.indices((2,) * d).reshape(d, -1).T, np.full((1, d), 0.5)]) for d in (2, 3)
+}
+
+
 def area_places(area_px: Array) -> Array:
     """Corners and centre (M, d) of an area given by its least and its greatest corner (2, d)."""
-    dimension = area_px.shape[1]
-    choice = np.indices((2,) * dimension).reshape(dimension, -1).T
-    corners = area_px[choice, np.arange(dimension)]
-    return np.vstack([corners, area_px.mean(axis=0)])
+    shares = CORNERS_AND_CENTRE[area_px.shape[1]]
+    return np.asarray((1.0 - shares) * area_px[0] + shares * area_px[1])
 
 
 def predicted_needles(probe_from_image: AxisScaled, segments_mm: Array) -> Array:
@@ -45,7 +49,7 @@ def image_crossings(needles_px: Array) -> Array:
     start, along = needles_px[:, 0], needles_px[:, 1] - needles_px[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -start[:, 2] / along[:, 2]
-    crossing = start + share[:, None] * along
+        crossing = start + share[:, None] * along
     return np.asarray(np.where(np.isfinite(crossing).all(axis=1, keepdims=True), crossing, np.nan)[:, :2])
 
 

@@ -155,13 +155,15 @@ class Similarity(AxisScaled):
             matrix: (..., 4, 4).
 
         Raises:
-            InputError: not 4 x 4, or not a scaled rotation beside a translation.
+            InputError: not 4 x 4, not finite, or not a scaled rotation beside a translation.
         """
         array = np.asarray(matrix, dtype=float)
         if array.shape[-2:] != (4, 4):
             raise InputError(f"a similarity needs a (..., 4, 4) matrix; got shape {array.shape}")
         if not np.array_equal(array[..., 3, :], np.broadcast_to([0, 0, 0, 1.0], array.shape[:-1])):
             raise InputError(f"the last row of a similarity is 0 0 0 1; got {array[..., 3, :].tolist()}")
+        if not np.all(np.isfinite(array)):
+            raise InputError("a similarity has finite numbers; this matrix holds a NaN or an infinity")
         scale = np.cbrt(np.linalg.det(array[..., :3, :3]))
         if not np.all(scale > 0):
             raise InputError("a similarity does not mirror or flatten; this matrix has determinant <= 0")

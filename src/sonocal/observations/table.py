@@ -24,6 +24,9 @@ __all__ = [
 
 SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
 
+COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
+"""What has one entry a row."""
+
 _DEFAULT: Any = None  # filled in by the constructor
 
 
@@ -94,28 +97,38 @@ class Observations:
         """(N,): a number a sighting, counted from 0: rows of one split, frame and target share it."""
         return group_codes(self.split, self.frame, self.target)
 
+    @classmethod
+    def of_sound(cls, points_px: Array, segments_mm: Array, **columns: Any) -> Observations:
+        """A table of columns that were checked where they come from: taken as they are, without a second check.
+
+        Args:
+            points_px: (N, 2) or (N, 3), finite.
+            segments_mm: (N, 2, 3), finite, none of them without length.
+            columns: `frame`, `target`, `split`, all (N,) and of the class's types; further ones of the class.
+        """
+        table = object.__new__(cls)
+        defaults: dict[str, Any] = {"sigma_px": None, "sigma_mm": None, "extra": {}, "lines": None}
+        for name, column in {
+            **defaults,
+            "points_px": points_px,
+            "segments_mm": segments_mm,
+            **columns,
+        }.items():
+            table._set(name, column)
+        return table
+
+    def with_sound(self, **columns: Any) -> Observations:
+        """The table with other columns, which are taken as they are: rows of a sound table are sound."""
+        table = copy(self)
+        for name, column in columns.items():
+            table._set(name, column)
+        return table
+
     def select(self, rows: ArrayLike) -> Observations:
         """The table of some rows, given by a mask or by indices."""
-        index = np.asarray(rows)
-        columns = {
-            name: value[index]
-            for name in (
-                "points_px",
-                "segments_mm",
-                "frame",
-                "target",
-                "split",
-                "sigma_px",
-                "sigma_mm",
-                "lines",
-            )
-            if (value := getattr(self, name)) is not None
-        }
-        part = copy(self)  # rows of a sound table are sound: no second check
-        for name, column in columns.items():
-            part._set(name, column)
-        part._set("extra", {name: column[index] for name, column in self.extra.items()})
-        return part
+        index = np.arange(len(self))[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
+        columns = {name: value[index] for name in COLUMNS if (value := getattr(self, name)) is not None}
+        return self.with_sound(**columns, extra={name: column[index] for name, column in self.extra.items()})
 
     def select_split(self, name: str) -> Observations:
         """The rows of one split.
@@ -192,28 +205,39 @@ class Observations:
 
 
 def stacked(tables: Sequence[Observations]) -> Observations:
-    """Tables one after the other, their rows in the order of frames; all have the same columns."""
-    points = np.concatenate([table.points_px for table in tables])
+    """Tables one after the other, their rows in the order of frames; none has a row of another.
+
+    A column that some of them lack is left out.
+    """
     order = np.argsort(np.concatenate([table.frame for table in tables]), kind="stable")
-    names = ["segments_mm", "frame", "target", "split"]
-    names += ["sigma_px"] if tables[0].sigma_px is not None else []
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(table, name) for table in tables])[order] for name in names
-    }
-    return Observations(points_px=points[order], source=tables[0].source, **columns)
+    columns: dict[str, Any] = {}
+    for name in COLUMNS:
+        parts = [getattr(table, name) for table in tables]
+        whole = name != "lines" and all(part is not None for part in parts)
+        columns[name] = np.concatenate(parts)[order] if whole else None
+    return tables[0].with_sound(**columns, extra={}, sha256="")
 
 
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
     codes = np.zeros(len(columns[0]), dtype=np.int64)
-    for column in columns:
+    for place, column in enumerate(columns):
         if len(column) == 0 or np.all(column == column[0]):
             continue
-        distinct, code = np.unique(column, return_inverse=True)
-        codes = codes * len(distinct) + code.reshape(-1)
-        if column is not columns[0]:
+        count, code = _codes(column)
+        codes = codes * count + code
+        if place > 0:
             codes = np.unique(codes, return_inverse=True)[1].reshape(-1)
     return codes
+
+
+def _codes(column: NDArray[Any]) -> tuple[int, NDArray[np.int64]]:
+    """How many distinct values a column has, and which of them, in their order, each row has."""
+    if column.dtype.kind in "iu" and np.all(column[1:] >= column[:-1]):
+        code = np.concatenate([[0], np.cumsum(column[1:] != column[:-1])])
+        return int(code[-1]) + 1, code
+    distinct, code = np.unique(column, return_inverse=True)
+    return len(distinct), code.reshape(-1)
 
 
 def _first(mask: NDArray[np.bool_]) -> int | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from sonocal.files.tables import (
 )
 from sonocal.observations.table import _DEFAULT, SEGMENT_COLUMNS, Observations
 
-__all__ = ["observations_csv", "parse_observations", "read_observations", "write_observations"]
+__all__ = ["as_file", "observations_csv", "parse_observations", "read_observations", "write_observations"]
 
 REQUIRED_COLUMNS = ("frame", "target", "u_px", "v_px", *SEGMENT_COLUMNS)
 
@@ -104,11 +103,26 @@ def observations_csv(observations: Observations) -> bytes:
         if (sigma := getattr(observations, name)) is not None:
             columns[name] = sigma.tolist()
     columns |= {name: column.tolist() for name, column in observations.extra.items()}
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
+    lines = _Lines()
+    writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
-    return text.getvalue().encode()
+    return ("\n".join(lines) + "\n").encode()
+
+
+class _Lines(list[str]):
+    """The rows that a CSV writer writes: it quotes cells that hold a letter of its own line end, so that has both."""
+
+    def write(self, row: str) -> None:
+        """Keep a row without its line end."""
+        self.append(row.removesuffix("\r\n"))
+
+
+def as_file(observations: Observations, name: str) -> tuple[bytes, Observations]:
+    """The text of a table's CSV file, and the table as reading it will give it: with the file's name and digest."""
+    content = observations_csv(observations)
+    digest, lines = hashlib.sha256(content).hexdigest(), np.arange(len(observations)) + 2
+    return content, observations.with_sound(source=name, sha256=digest, lines=lines)
 
 
 def _check_header(name: str, header: Sequence[str]) -> None:
@@ -129,10 +143,16 @@ def _frames(name: str, cells: Sequence[str], lines: Sequence[int]) -> NDArray[np
     try:
         return np.array([int(cell) for cell in cells], dtype=np.int64)
     except (ValueError, OverflowError):
-        row = next(
-            i for i, cell in enumerate(cells) if not cell.strip().lstrip("+-").isdigit() or len(cell) > 18
-        )
+        row = next(i for i, cell in enumerate(cells) if not _is_frame(cell))
     raise InputError(
-        f"{name}, line {lines[row]}, column frame: {cells[row].strip()!r} is not a whole number; "
+        f"{name}, line {lines[row]}, column frame: {cells[row].strip()[:40]!r} is not a whole number; "
         "number the images, rows of one image share its number"
     )
+
+
+def _is_frame(cell: str) -> bool:
+    try:
+        np.int64(int(cell))
+    except (ValueError, OverflowError):
+        return False
+    return True

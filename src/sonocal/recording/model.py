@@ -14,7 +14,7 @@ from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.frames import Frames, SelectedFrames, no_frames
-from sonocal.recording.poses import Mask, OnInvalid, Poses
+from sonocal.recording.poses import Mask, OnInvalid, Poses, chosen
 
 __all__ = ["ImageGeometry", "Provenance", "Recording"]
 
@@ -88,6 +88,8 @@ class Recording:
         item_fields: the same of every item, None where an item lacks the field.
         provenance: where it came from.
         diagnostics: what the reader noticed.
+        latency_s: how much later the tracker stamps an instant than the images do, where the poses were moved by it:
+            0 where they are as recorded; see `with_latency`.
     """
 
     times: Array
@@ -99,6 +101,7 @@ class Recording:
     item_fields: Mapping[str, tuple[str | None, ...]] = field(default_factory=dict)
     provenance: Provenance = Provenance()
     diagnostics: tuple[Diagnostic, ...] = ()
+    latency_s: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.times)
@@ -194,7 +197,7 @@ class Recording:
 
     def select(self, rows: ArrayLike) -> Recording:
         """The recording of some items, given by a mask, a slice's range or indices."""
-        index = np.arange(len(self))[np.asarray(rows)]
+        index = chosen(len(self), rows)
         return replace(
             self,
             times=self.times[index],

@@ -73,7 +73,7 @@ class Poses:
 
     def select(self, rows: ArrayLike) -> Poses:
         """The poses of some items."""
-        index = np.arange(len(self))[np.asarray(rows)]
+        index = chosen(len(self), rows)
         status = None if self.status is None else tuple(self.status[i] for i in index)
         return replace(self, matrices=self.matrices[index], valid=self.valid[index], status=status)
 
@@ -96,6 +96,11 @@ class Poses:
                 "drop such frames with --on-invalid skip"
             )
         return replace(self, valid=self.valid & ~bad)
+
+
+def chosen(count: int, rows: ArrayLike) -> NDArray[np.int64]:
+    """Indices of the rows, of so many, that a mask, a slice's range or indices choose; none of them is a choice."""
+    return np.arange(count)[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
 
 
 def by_name(poses: Iterable[Poses], name: str) -> dict[str, Poses]:

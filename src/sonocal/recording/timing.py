@@ -82,9 +82,17 @@ def join(
 ) -> Recording:
     """Images with the poses of a tracker that was recorded beside them, both stamped in one clock.
 
+    Args:
+        images: what to find poses for.
+        tracker: the poses.
+        latency_s: how much later the tracker stamps an instant than the images do; the recording remembers it.
+        max_gap_s: longest stretch between two poses to bridge.
+        on_invalid: what to do with poses marked valid that are not rigid.
+
     Raises:
-        InputError: one of the two has no times, or they do not overlap.
+        InputError: one of the two has no times, they do not overlap, or the poses were moved by a latency before.
     """
+    _check_latency(tracker, latency_s)
     for part in (images, tracker):
         if np.isnan(part.times).any():
             raise InputError(
@@ -108,22 +116,28 @@ def join(
         paths=images.provenance.paths + tracker.provenance.paths,
     )
     diagnostics = images.diagnostics + tracker.diagnostics
-    return replace(images, poses=poses, provenance=provenance, diagnostics=diagnostics)
+    return replace(
+        images,
+        poses=poses,
+        provenance=provenance,
+        diagnostics=diagnostics,
+        latency_s=latency_s or tracker.latency_s,
+    )
 
 
 def with_latency(
     recording: Recording, latency_s: float, max_gap_s: float = MAX_GAP_S, on_invalid: OnInvalid = "raise"
 ) -> Recording:
-    """The recording with every pose taken where its image belongs: at ``t + latency_s``."""
+    """The recording with every pose taken where its image belongs: at ``t + latency_s``.
+
+    The recording remembers the latency, and so do calibrations from it.
+
+    Raises:
+        InputError: it has no times, or its poses were moved by a latency before.
+    """
     if latency_s == 0.0:
         return recording
-    return join(
-        replace(recording, provenance=recording.provenance, diagnostics=()),
-        recording,
-        latency_s,
-        max_gap_s,
-        on_invalid,
-    )
+    return join(replace(recording, diagnostics=()), recording, latency_s, max_gap_s, on_invalid)
 
 
 @dataclass(frozen=True)
@@ -219,6 +233,18 @@ def _between(first: Array, second: Array, part: Array) -> Array:
     matrices[:, :3, :3] = (start * Rotation.from_rotvec(part[:, None] * turn)).as_matrix()
     matrices[:, :3, 3] = (1 - part)[:, None] * first[:, :3, 3] + part[:, None] * second[:, :3, 3]
     return matrices
+
+
+def _check_latency(recording: Recording, latency_s: float) -> None:
+    """Refuse a latency that is no number, and a second one."""
+    number = isinstance(latency_s, (int, float, np.number)) and not isinstance(latency_s, bool)
+    if not (number and np.isfinite(latency_s)):
+        raise InputError(f"{recording.name}: latency_s must be a number of seconds; got {latency_s!r}")
+    if latency_s != 0.0 and recording.latency_s != 0.0:
+        raise InputError(
+            f"{recording.name}: its poses were moved by a latency of {recording.latency_s:g} s before, and now "
+            f"{latency_s:g} s are given; give it once, to the recording as it was read"
+        )
 
 
 def _check_increasing(times: Array, source: str) -> None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.registration.ambiguity import better_of_mirrored
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
+    near_degeneracy,
     refuse_degenerate_lines,
     refuse_free_motion,
 )
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
-from sonocal.registration.robust import fit_point_lines
+from sonocal.registration.robust import MINIMAL_ROWS, fit_point_lines
 from sonocal.registration.rows import PointLineRows
 
 __all__ = ["best_fit"]
@@ -36,4 +40,20 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)
+    if np.count_nonzero(fit.inlier) < min(MINIMAL_ROWS, len(rows)):
+        _refuse_scattered(rows, fit)
     return fit, mirrored
+
+
+def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
+    """Raise for rows that agreed with a minimal sample, and agree no more with what fits all of them best."""
+    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
+    agreeing = f"{np.count_nonzero(fit.inlier)} of {len(rows)} rows are within {fit.threshold_mm:.3g} mm of their lines"
+    if near is not None:
+        raise DegenerateGeometryError(
+            f"only {agreeing} once refined: {near.cause}; {near.advice}", code="free-motion"
+        )
+    raise NoConsensusError(
+        f"only {agreeing} once refined; check that rows are matched to the right needle poses",
+        best_count=int(np.count_nonzero(fit.inlier)),
+    )

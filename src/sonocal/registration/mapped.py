@@ -31,6 +31,12 @@ class MappedRows:
         return segment_directions(self.table.segments_mm)
 
     @cached_property
+    def lengths_mm(self) -> Array:
+        """(N,): of the segments."""
+        along = self.table.segments_mm[:, 1] - self.table.segments_mm[:, 0]
+        return np.asarray(np.sqrt(np.einsum("ni,ni->n", along, along)))
+
+    @cached_property
     def from_first(self) -> Array:
         """(N, 3), mm: from each segment's first end to the mapped point."""
         return np.asarray(self.transform.apply(self.table.points) - self.table.segments_mm[:, 0])

@@ -34,9 +34,11 @@ def check_latency(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def latency_of(motion: Motion) -> float:
     """The latency that explains most of the residuals; 0 where too few velocities are known."""
-    if motion.usable.sum() < FEWEST_FRAMES:
+    if np.count_nonzero(motion.usable) < FEWEST_FRAMES:
         return 0.0
-    return float(_solved(motion.moments[motion.usable].sum(axis=0)[None])[0])
+    size = motion.parameters + 2
+    summed = motion.usable.astype(float) @ motion.moments.reshape(-1, size * size)
+    return float(_solved(summed.reshape(1, size, size))[0])
 
 
 def latency_findings(motion: Motion, latency: float) -> Iterator[Diagnostic]:

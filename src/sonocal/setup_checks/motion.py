@@ -130,8 +130,7 @@ def _velocities(evidence: Evidence, rows: NDArray[np.int64], time: Array) -> tup
     inside = track[order[:-2]] == track[order[2:]]
     before, here, after = (part[inside] for part in (order[:-2], order[1:-1], order[2:]))
     change = (segments[after] - segments[before]) / (time[after] - time[before])[:, None, None]
-    length = np.linalg.norm(segments[here, 1] - segments[here, 0], axis=1)
-    share = evidence.mapped.along_mm[rows[here]] / length
+    share = evidence.mapped.along_mm[rows[here]] / evidence.mapped.lengths_mm[rows[here]]
     moved = change[:, 0] + share[:, None] * (change[:, 1] - change[:, 0])
     along = np.einsum("ni,ni->n", moved, directions[here])
     velocity, usable = np.zeros((len(rows), 3)), np.zeros(len(rows), dtype=bool)

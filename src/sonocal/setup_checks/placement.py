@@ -160,11 +160,9 @@ def check_needle_end(evidence: Evidence) -> Iterator[Diagnostic]:
     agree = evidence.inlier
     if not agree.any():
         return
-    along, segments = evidence.mapped.along_mm, evidence.table.segments_mm
-    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    before, beyond = -along[agree], (along - lengths)[agree]
-    for name, past in (("first", before), ("second", beyond)):
-        share = float(np.mean(past > BEYOND_END_MM))
+    along, lengths = evidence.mapped.along_mm[agree], evidence.mapped.lengths_mm[agree]
+    for name, past in (("first", -along), ("second", along - lengths)):
+        share = np.count_nonzero(past > BEYOND_END_MM) / len(past)
         if share > 0.5:
             yield Diagnostic(
                 code="wrong-end-of-needle",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,10 @@ LEAST_SLIP_MM = 1.0
 # A slip taken away leaves most rows nearer to their lines, which a few outliers cannot feign.
 LEAST_SHRINKING = 0.1
 DRIFTING_FRAMES = 3
+# How many orders are tried before a closer look at the step, which takes as long as four: without a slip one of
+# them explains as much in two of three scans.
+FIRST_BATCH = 2
+IDENTITY = np.eye(8)
 # Of the moments of all frames in one batch of orders: what bounds the memory of long scans.
 MOST_NUMBERS = 4_000_000
 
@@ -58,11 +63,14 @@ def slip_findings(motion: Motion, latency: float, seed: int) -> Iterator[Diagnos
     # What would come to nothing in any case needs no comparison with chance.
     if not _rms(motion.displaced[:, :, :6] @ step.motion[best]) > 0.99 * LEAST_SLIP_MM:
         return
-    if test.beaten(float(step.explained[best]), seed):
+    explained, by_chance = float(step.explained[best]), test.explained_by_chance(seed)
+    if next(by_chance) >= explained:
         return
     split = int(test.splits[best])
     moved, share, drifts = _step(motion, latency, split)
     if drifts or moved < LEAST_SLIP_MM or share < LEAST_SHRINKING:
+        return
+    if any(more >= explained for more in by_chance):
         return
     yield Diagnostic(
         code="marker-slipped",
@@ -90,37 +98,42 @@ class _ChangePoint:
         self._frames = self._frames * np.concatenate([np.outer(scale, scale).ravel(), scale])
         self._k, self._scale, self._total = k, scale, self._frames.sum(axis=0)
         self._taken = _pseudo_inverse(self._total[: k * k].reshape(k, k))
-        self.splits = np.unique(np.linspace(0.15 * frames, 0.85 * frames, SPLITS).astype(int))
+        self.splits = _splits(frames)
+        self._starts = np.concatenate([[0], self.splits])
 
     def steps(self, orders: NDArray[np.int64] | None) -> _Step:
         """The steps (..., S) in the frames' own order, or in each of some orders (M, F)."""
-        k, splits = self._k, self.splits
+        k = self._k
         frames = self._frames if orders is None else self._frames[orders]
-        parts = np.add.reduceat(frames, np.concatenate([[0], splits]), axis=-2)
+        parts = np.add.reduceat(frames, self._starts, axis=-2)
         after = self._total - np.cumsum(parts[..., :-1, :], axis=-2)
         n = after[..., : k * k].reshape(*after.shape[:-1], k, k)
-        kept = np.eye(k)[:6] - n[..., :6, :] @ self._taken
+        kept = IDENTITY[:6, :k] - n[..., :6, :] @ self._taken
         # g' (N - N H N)^-1 g over the frames after the split, of the first six motions.
         g = after[..., k * k : k * k + 6] - (n[..., :6, :] @ (self._taken @ self._total[k * k :]))
         left = kept @ n[..., :6]
         ridge = 1e-9 * np.trace(left, axis1=-2, axis2=-1)[..., None, None] + np.finfo(float).tiny
-        motion = np.linalg.solve(left + ridge * np.eye(6), g[..., None])[..., 0]
+        motion = np.linalg.solve(left + ridge * IDENTITY[:6, :6], g[..., None])[..., 0]
         return _Step(np.einsum("...i,...i->...", g, motion), motion * self._scale[:6])
 
-    def beaten(self, explained: float, seed: int) -> bool:
-        """Whether any of some random orders explains as much at any moment.
+    def explained_by_chance(self, seed: int) -> Iterator[float]:
+        """The most squares that any moment of any of some random orders explains, batch by batch.
 
-        The orders come in batches that grow: without a slip one of the first few does.
+        The batches grow: without a slip one of the first few orders explains as much as the frames' own.
         """
-        rng, frames, done, size = np.random.default_rng(seed), len(self._frames), 0, 1
+        rng, frames, done, size = np.random.default_rng(seed), len(self._frames), 0, FIRST_BATCH
         most = max(1, MOST_NUMBERS // self._frames.size)
         while done < ORDERS:
             size = min(size, most, ORDERS - done)
             orders = np.array([rng.permutation(frames) for _ in range(size)])
-            if np.any(self.steps(orders).explained >= explained):
-                return True
+            yield float(self.steps(orders).explained.max())
             done, size = done + size, 2 * size
-        return False
+
+
+@lru_cache(maxsize=8)
+def _splits(frames: int) -> NDArray[np.int64]:
+    """The moments that are tried, as the numbers of frames before them."""
+    return np.unique(np.linspace(0.15 * frames, 0.85 * frames, SPLITS).astype(np.int64))
 
 
 def _pseudo_inverse(matrix: Array) -> Array:

@@ -1,195 +1,190 @@
-"""From a recording of a needle to a calibration: detection, choice, a second look, calibration."""
+"""From a recording of a needle to a calibration: detection, the table of candidates, choice, a second look.
+
+A needle's point takes seven forms between its image and the file:
+
+1. a row of the core's array of blobs; in a volume, a `LineCandidate`
+2. points, covariances and scores of one image, from the detector
+3. `Detections` of the recording, checked here and nowhere later
+4. `Observations`: each detection against its line in the probe marker's frame (`tabulate`); choosing selects rows of it
+5. `PointLineRows`: the columns that registration takes, selected by masks
+6. the core's own table of them, whose lengths and signs it checks
+7. the text of ``observations.csv``: the chosen rows, with the name and digest that validation will know them by
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass, replace
+from typing import Unpack
 
 from sonocal.calibration import Calibration, calibrate
-from sonocal.detection import (
-    Candidates,
-    LineCandidates,
-    detect_points,
-    detect_volumes,
-    find_mask,
-)
-from sonocal.detection.points import Centre, Progress
-from sonocal.errors import InputError
+from sonocal.detection import Detections
+from sonocal.detection.recordings import Detector, detector_of
+from sonocal.errors import InputError, NoConsensusError
+from sonocal.geometry import Array
 from sonocal.observations import Observations
-from sonocal.recording import (
-    Recording,
-    health,
+from sonocal.recording import Recording, health
+from sonocal.recording.health import Progress
+from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
+from sonocal.sweep.options import (
+    Keywords,
+    Options,
+    PointsKeywords,
+    PointsOptions,
+    of_calibrate,
+    telling_threshold_mm,
 )
-from sonocal.recording.poses import OnInvalid
-from sonocal.sweep.choice import (
-    CandidateCalibration,
-    calibrate_candidates,
-)
-from sonocal.sweep.detections import Detections
-from sonocal.sweep.second_look import (
-    SecondLook,
-    lines_near,
-    points_near,
-)
-from sonocal.sweep.sightings import (
-    Fixed,
-    candidate_observations,
-    expected_observations,
-    line_observations,
-    observations_from_recording,
-)
+from sonocal.sweep.second_look import SecondLook
+from sonocal.sweep.tabulate import tabulate, tabulated
 from sonocal.targets import Line
 
-__all__ = [
-    "calibrate_points",
-    "calibrate_recording",
-    "require_images",
-]
-
-
-IMAGE_COUNT = 5
-THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
-SPACING_SHARE = 0.2
-"""Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
-LINE_SAMPLES = 64
+__all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
 
 
 def calibrate_recording(
     recording: Recording,
     lines: Sequence[Line],
     *,
-    count: int | None = None,
-    mask: NDArray[np.bool_] | None = None,
-    centre: Centre = "head",
-    probe: str = "Probe",
-    fixed: Fixed = None,
-    latency_s: float = 0.0,
-    on_invalid: OnInvalid = "raise",
-    second_look: bool = True,
+    detections: Detections | None = None,
     progress: Progress | None = None,
-    candidates: Candidates | LineCandidates | None = None,
-    threshold_mm: float | None = None,
-    **options: Any,
+    **options: Unpack[Keywords],
 ) -> CandidateCalibration:
     """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
 
     Args:
-        recording: images and poses.
+        recording: images, and poses with any latency undone, see `with_latency`.
         lines: the needles and wires, see `read_lines`.
-        count: candidates an image; default: 5, and 3 in a volume.
-        mask: where to look; default: found from the recording.
-        centre: "head" or "mass", see `PointDetector`.
-        probe: the tool that the probe's marker is called.
-        fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
-        latency_s: how much later the tracker stamps an instant than the images do.
-        on_invalid: what to do with poses marked valid that are not rigid.
-        second_look: look again near where the calibrated needle must be.
+        detections: what `detect` found, where that was done before.
         progress: called with how many images are done and how many there are.
-        candidates: what `detect_points` or, in volumes, `detect_volumes` found, where that was done before.
-        threshold_mm: candidates further than this from their needle are wrong; default: 5, or a fifth of the
-            distance between lines of one frame, so that they are not taken for one another.
-        options: of `sonocal.calibrate`.
+        **options: any of those of `sonocal.calibrate`, and of the following, by name.
+
+            What to look for in the images:
+            count (5, in volumes 3): candidates an image at the most.
+            mask (found from the recording): (rows, columns), True where to look; for images.
+            centre ("head"): of a bright spot its first echo, without the tail: needles; "mass": all of it, as PLUS
+            segments wires; for images.
+
+            What connects the lines to the probe:
+            probe ("Probe"): the tool that the probe's marker is called.
+            fixed (None): constant ``(target, source) -> (4, 4)``, such as a device set's.
+            on_invalid ("raise"): refuse poses marked valid that are not rigid, or "skip" them.
+
+            What to choose:
+            threshold_mm (5, or a fifth of the distance between lines of one frame, so that they are not taken for
+            one another): candidates further than this from their needle are wrong; "auto": that is the most, and of
+            the chosen rows those are outliers that are further off than 3.3 standard deviations of their noise.
+            second_look (True): look again, for fainter ones, near where the calibrated needle must be.
+
+    Returns:
+        The calibration, the rows it rests on, and what became of the others.
 
     Raises:
         NoConsensusError: nothing in the images moves like the needle.
-        InputError: the recording lacks images or poses.
+        DegenerateGeometryError: the sightings leave a motion free.
+        InputError: the recording lacks images or poses, or an option does not exist or means nothing.
     """
-    require_images(recording)
-    assert recording.image is not None
-    options.setdefault("image_size_px", recording.image.size_px)
-    threshold_mm = _telling_threshold(lines) if threshold_mm is None else threshold_mm
-    how: dict[str, Any] = {
-        "probe": probe,
-        "fixed": fixed,
-        "latency_s": latency_s,
-        "on_invalid": on_invalid,
-    }
-    if recording.image.dimension == 3:
-        if not isinstance(candidates, LineCandidates):
-            chosen_count = {} if count is None else {"count": count}
-            candidates = detect_volumes(recording, progress=progress, **chosen_count)
-        table = line_observations(recording, lines, candidates, **how)
-        find = lines_near(recording)
-    else:
-        mask = find_mask(recording.frames, name=recording.name) if mask is None else mask
-        if not isinstance(candidates, Candidates):
-            candidates = detect_points(
-                recording, count=count or IMAGE_COUNT, mask=mask, centre=centre, progress=progress
-            )
-        table = candidate_observations(recording, lines, candidates, **how)
-        find = points_near(recording, mask, centre)
-    found = calibrate_candidates(
-        _levels_estimated(table),
-        sightings=candidates.frames * len(lines),
-        look_again=SecondLook(expected_observations(recording, lines, **how), find) if second_look else None,
-        threshold_mm=threshold_mm,
-        **options,
+    sweep = Sweep.of(recording, lines, **options)
+    return sweep.calibrate(sweep.detector.detect(progress) if detections is None else detections)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """A needle or wires in a recording: `calibrate_recording` in steps, for whoever looks at what was detected.
+
+    What can be refused without decoding an image was refused when it was made.
+
+    Attributes:
+        recording: images and poses.
+        lines: the needles and wires.
+        options: how to detect, choose and calibrate.
+        detector: looks into the images.
+        segments_mm: (N, L, 2, 3): the lines' ends in every item, in the probe marker's frame.
+    """
+
+    recording: Recording
+    lines: Sequence[Line]
+    options: Options
+    detector: Detector
+    segments_mm: Array
+
+    @classmethod
+    def of(cls, recording: Recording, lines: Sequence[Line], **options: Unpack[Keywords]) -> Sweep:
+        """As `calibrate_recording`.
+
+        Raises:
+            InputError: the recording lacks images, nothing connects a line to the probe, or an option does not exist
+                or means nothing.
+        """
+        asked = Options.for_lines(recording, lines, **options)
+        detector = detector_of(recording, asked.detection)
+        return cls(recording, lines, asked, detector, asked.posing.segments_mm(recording, lines))
+
+    def calibrate(self, detections: Detections) -> CandidateCalibration:
+        """Choose among what was detected, look again, and calibrate.
+
+        Raises:
+            NoConsensusError, DegenerateGeometryError: as `calibrate_recording`.
+            InputError: no detection is in a frame with valid poses, or they are of other images.
+        """
+        name, images = self.recording.name, detections.images
+        if len(detections) == 0:
+            raise no_candidates(name, images)
+        table = tabulated(self.recording, self.lines, detections, self.segments_mm).observations
+        # How well an echo is placed is not told: a needle bends and sound is refracted, so that echo and needle part
+        # by more. Taken for all of the image's noise, it would leave the rest to the tracker: to wrong sightings.
+        table = table.with_sound(sigma_px=None)
+        again = self.options.second_look
+        look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
+        most_mm = telling_threshold_mm(self.lines)
+        found = calibrate_chosen(table, self.options, images * len(self.lines), look, most_mm)
+        recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
+        return replace(found, calibration=recorded)
+
+
+def no_candidates(name: str, images: int) -> NoConsensusError:
+    """What to say where detection found nothing at all."""
+    return NoConsensusError(
+        f"{name}: no candidate was found in {images} images; nothing in them stands out as a needle does: check in "
+        "the contact sheet that it is visible",
+        best_count=0,
     )
-    return replace(found, calibration=_as_recorded(found.calibration, recording, lines, probe, latency_s))
-
-
-def require_images(recording: Recording) -> None:
-    """Refuses a recording without images.
-
-    Raises:
-        InputError: it has none.
-    """
-    if recording.image is None or len(recording.frames) == 0:
-        raise InputError(f"{recording.name}: has no images to look for a needle in; record images too")
 
 
 def calibrate_points(
-    recording: Recording,
-    lines: Sequence[Line],
-    detections: Detections,
-    *,
-    probe: str = "Probe",
-    fixed: Fixed = None,
-    latency_s: float = 0.0,
-    on_invalid: OnInvalid = "raise",
-    **options: Any,
+    recording: Recording, lines: Sequence[Line], detections: Detections, **options: Unpack[PointsKeywords]
 ) -> tuple[Calibration, Observations]:
     """Calibrate a probe from a recording and points that were found in its images by other means.
 
     Args:
-        recording: poses, and images that need not be decoded.
+        recording: poses, with any latency undone, and images that need not be decoded.
         lines: the needles and wires, see `read_lines`.
         detections: the points, see `read_detections`.
-        probe: the tool that the probe's marker is called.
-        fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
-        latency_s: how much later the tracker stamps an instant than the images do.
-        on_invalid: what to do with poses marked valid that are not rigid.
-        options: of `sonocal.calibrate`.
+        **options: any of those of `sonocal.calibrate`, and `probe`, `fixed` and `on_invalid` of `calibrate_recording`.
 
     Returns:
         The calibration, and the table of sightings that it was fitted to.
 
     Raises:
-        InputError: a point belongs to no line or frame, or nothing connects a line to the probe.
+        InputError: a point belongs to no line or frame, nothing connects a line to the probe, or an option does not
+            exist or means nothing.
         DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
     """
-    sightings = observations_from_recording(
-        recording, lines, detections, probe=probe, fixed=fixed, latency_s=latency_s, on_invalid=on_invalid
-    )
-    if recording.image is not None:
-        options.setdefault("image_size_px", recording.image.size_px)
-    found = calibrate(sightings.observations, **options)
-    found = replace(found, diagnostics=(*found.diagnostics, *sightings.diagnostics))
-    return _as_recorded(found, recording, lines, probe, latency_s), sightings.observations
+    asked = PointsOptions.for_recording(recording, **options)
+    if len(lines) > 1 and (detections.target == "").any():
+        raise InputError(
+            f"{detections.source}: target '' is none of the lines {', '.join(line.name for line in lines)[:200]}; "
+            "name one"
+        )
+    sightings = tabulate(recording, lines, detections, asked.posing)
+    found = calibrate(sightings.observations, **of_calibrate(asked))
+    found = found.with_findings(sightings.diagnostics)
+    return _as_recorded(found, recording, lines, asked.probe), sightings.observations
 
 
 def _as_recorded(
-    calibration: Calibration,
-    recording: Recording,
-    lines: Sequence[Line],
-    probe: str,
-    latency_s: float,
+    calibration: Calibration, recording: Recording, lines: Sequence[Line], probe: str
 ) -> Calibration:
-    """The calibration with the latency it was made with, and with what is wrong with the recording.
+    """The calibration with the latency of its recording, and with what is wrong with that.
 
     Of the recording's tools, those that took part.
     """
@@ -197,27 +192,4 @@ def _as_recorded(
     poses = {name: one for name, one in recording.poses.items() if one.source.lower() in tools}
     noticed = health(replace(recording, poses=poses), look_at_images=False)
     worth = [one for one in noticed if one.severity == "warning" or one in recording.diagnostics]
-    merged = sorted([*calibration.diagnostics, *worth], key=lambda one: one.severity != "warning")
-    return replace(calibration, diagnostics=tuple(merged), latency_s=latency_s or calibration.latency_s)
-
-
-def _telling_threshold(lines: Sequence[Line]) -> float:
-    """Millimetres within which a candidate belongs to one line and not to its neighbour."""
-    steps = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
-    sampled = [line.segment_mm[0] + steps * (line.segment_mm[1] - line.segment_mm[0]) for line in lines]
-    apart = [
-        float(np.linalg.norm(sampled[i][:, None] - sampled[j], axis=-1).min())
-        for i in range(len(lines))
-        for j in range(i)
-        if lines[i].frame == lines[j].frame
-    ]
-    return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_THRESHOLD_MM, THRESHOLD_MM))
-
-
-def _levels_estimated(candidates: Observations) -> Observations:
-    """The candidates without how well their echoes were placed: echo and needle part by more than that.
-
-    A needle bends and sound is refracted. Taken for all of the image's noise, the detector's share would leave the
-    rest to the tracker, and so to the wrong sightings.
-    """
-    return replace(candidates, sigma_px=None)
+    return replace(calibration.with_findings(worth), latency_s=recording.latency_s or None)

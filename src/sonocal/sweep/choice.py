@@ -1,29 +1,29 @@
 """From candidate points to a calibration: the geometry chooses, at most one candidate an image and needle.
 
-A wrong candidate agrees with no calibration that many images share. So calibrate on the best-ranked candidates, see
-which candidate of each image lies near its needle, and calibrate again on those: consensus over candidates.
+A wrong candidate agrees with no calibration that many images share. So fit the best-ranked candidates, see which
+candidate of each image lies near its needle, and fit those again: consensus over candidates. Choosing needs transforms
+only; what was chosen is calibrated once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration, calibrate
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.calibration.options import Keywords as CalibrationKeywords
+from sonocal.calibration.options import Options
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, SonocalError
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array, AxisScaled, homogeneous_points
-from sonocal.observations import Observations, group_codes, stacked
-from sonocal.registration.noise import residual_vectors
+from sonocal.geometry import AxisScaled
+from sonocal.observations import Observations
+from sonocal.sweep.candidates import Candidates, Mask
+from sonocal.sweep.options import of_calibrate, refuse_splits
 
-__all__ = [
-    "CandidateCalibration",
-    "calibrate_candidates",
-]
+__all__ = ["CandidateCalibration", "LookAgain", "calibrate_candidates", "calibrate_chosen"]
 
 ROUNDS = 10
 RANKS = (1, 2, 3, 5, 1000)
@@ -36,14 +36,11 @@ LEAST_SHARE_OF_FEW = 0.8
 LEAST_SHARE = 0.15
 LEAST_SHARE_OF_MANY = 0.5
 """With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
-TIGHTNESS = {2: 4.0, 3: 5.0}
-"""Standard deviations of the residuals within which a candidate is the needle, once a calibration is known.
+MOST_MM = 5.0
+"""Where the noise is to tell how far a chosen row may be from its line."""
 
-Those of all rows: where a needle is seen near its end, tracking noise is up to 1.4 times what it is on average. Few
-lines of a volume have both ends near the needle by chance, so that there is no need to lose any of its own."""
-
-LookAgain = Callable[[AxisScaled, Observations, float], Sequence[Observations]]
-"""A calibration, the candidates near their needles, a distance in mm: to candidates near the other needles."""
+LookAgain = Callable[[AxisScaled, Observations, float], Observations | None]
+"""A transform, the candidates near their needles, a distance in mm: to candidates near the other needles, if any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +54,16 @@ class CandidateCalibration:
         sightings: images and needles looked at.
         used: sightings that took part.
         reasons: sightings that did not, counted by why.
+        options: what it was made with.
     """
 
     calibration: Calibration
     observations: Observations
-    chosen: NDArray[np.bool_]
+    chosen: Mask
     sightings: int
     used: int
     reasons: dict[str, int]
+    options: Options
 
 
 def calibrate_candidates(
@@ -72,9 +71,7 @@ def calibrate_candidates(
     *,
     sightings: int | None = None,
     look_again: LookAgain | None = None,
-    threshold_mm: float = 5.0,
-    seed: int = 0,
-    **options: Any,
+    **options: Unpack[CalibrationKeywords],
 ) -> CandidateCalibration:
     """Calibrate from several candidates a sighting, of which at most one is right.
 
@@ -82,11 +79,10 @@ def calibrate_candidates(
         candidates: one row a candidate, best first within a frame and target; in 3D two or more rows a line
             candidate, with the candidate's number as `split`.
         sightings: images and needles looked at, where some had no candidate at all.
-        look_again: finds further candidates, once a calibration says where needles must be: given it, the
-            candidates within a distance of their needles, and that distance in mm.
-        threshold_mm: candidates further than this from their needle are wrong.
-        seed: of the random samples.
-        options: of `sonocal.calibrate`.
+        look_again: finds further candidates, once a fit says where needles must be: given it, the candidates within
+            a distance of their needles, and that distance in mm.
+        **options: those of `sonocal.calibrate` without its splits, by name; candidates further than `threshold_mm`
+            from their needle are wrong.
 
     Returns:
         The calibration and the share of images that it rests on.
@@ -94,148 +90,110 @@ def calibrate_candidates(
     Raises:
         NoConsensusError: no calibration explains more images than chance would.
         DegenerateGeometryError: the sightings leave a motion free.
-        InputError: there are too few candidates.
+        InputError: there are too few candidates, or an option means nothing.
     """
-    table = _Table(candidates)
-    total = max(sightings or 0, table.count)
-    start = _first_consensus(table, total, threshold_mm, seed, options)
-    calibration, chosen = _settle(table, start, threshold_mm, seed, options)
-    first = chosen
-    if look_again is not None:
-        near = table.nearest(calibration.probe_from_image, threshold_mm)
-        further = look_again(calibration.probe_from_image, candidates_at(table.rows, near), threshold_mm)
-        table = _Table(stacked([table.rows, *further]))
-        calibration, chosen = _settle(table, calibration, threshold_mm, seed, options)
-    observations = candidates_at(table.rows, chosen)
-    used = len(np.unique(group_codes(observations.frame, observations.target)))
+    asked = Options.of(**options)
+    refuse_splits(asked, "candidates are chosen first")
+    return calibrate_chosen(candidates, asked, sightings or 0, look_again)
+
+
+def calibrate_chosen(
+    candidates: Observations,
+    options: Options,
+    sightings: int,
+    look_again: LookAgain | None = None,
+    most_mm: float = MOST_MM,
+) -> CandidateCalibration:
+    """As `calibrate_candidates`, with checked options; `most_mm` is the threshold where that is "auto"."""
+    within_mm = most_mm if options.threshold_mm == "auto" else float(options.threshold_mm)
+    table = Candidates(candidates, options, within_mm)
+    total = max(sightings, table.count)
+    transform, first = _settled(table, _first_consensus(table, total))
+    table, chosen = _looked_again(table, look_again, transform, first)
+    used = table.agreeing(chosen)
     if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
+    last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen))
+    calibration = calibrate(table.at(chosen), **last)
     reasons = {
         "no candidate or no pose": total - table.count,
         "no candidate near the needle": table.count - used,
     }
-    found = _report(used, total, reasons)
-    calibration = replace(calibration, diagnostics=(*calibration.diagnostics, found))
-    return CandidateCalibration(calibration, observations, first, total, used, reasons)
+    calibration = calibration.with_findings([_report(used, total, reasons)])
+    return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
 
 
-def candidates_at(rows: Observations, chosen: NDArray[np.bool_]) -> Observations:
-    """The chosen rows."""
-    return rows.select(np.flatnonzero(chosen))
-
-
-class _Table:
-    """Candidates grouped: rows of one candidate, candidates of one sighting."""
-
-    def __init__(self, rows: Observations) -> None:
-        self.rows = rows
-        self.points = homogeneous_points(rows.points_px)
-        self.sighting = group_codes(rows.frame, rows.target)
-        self.count = int(self.sighting.max()) + 1 if len(rows) else 0
-        if rows.dimension == 3:
-            self.candidate = rows.sightings
-            self.rank = np.array([int(name or 0) for name in rows.split], dtype=np.int64)
-        else:
-            self.candidate = np.arange(len(rows))
-            self.rank = _ranks(self.sighting)
-        # One candidate may be tried against several needles: each of its trials has the same place in the image.
-        self.owner, self.place = (
-            np.zeros(int(self.candidate.max(initial=-1)) + 1, dtype=np.int64) for _ in "12"
-        )
-        self.owner[self.candidate] = self.sighting
-        self.place[self.candidate] = group_codes(rows.frame, *rows.points_px.T)
-
-    def nearest(self, transform: AxisScaled, threshold_mm: float) -> NDArray[np.bool_]:
-        """(N,) rows of the nearest candidate of each sighting, where all of its points are within the threshold.
-
-        A candidate that is nearest to several needles is that of the nearest one.
-        """
-        distance = _distances(transform, self.points, self.rows.segments_mm)
-        worst = np.zeros(len(self.owner))
-        np.maximum.at(worst, self.candidate, distance)
-        least = np.full(self.count, np.inf)
-        np.minimum.at(least, self.owner, worst)
-        best = np.flatnonzero((worst == least[self.owner]) & (worst <= threshold_mm))
-        best = best[np.argsort(worst[best], kind="stable")]
-        best = best[np.unique(self.place[best], return_index=True)[1]]
-        return np.isin(self.candidate, best)
-
-    def agreeing(self, chosen: NDArray[np.bool_]) -> int:
-        """How many sightings the chosen rows belong to."""
-        return len(np.unique(self.sighting[chosen]))
-
-
-def _first_consensus(
-    table: _Table, total: int, threshold_mm: float, seed: int, options: dict[str, Any]
-) -> Calibration:
-    """The calibration that most sightings agree with, tried on ever lower ranks."""
-    best: tuple[int, Calibration] | None = None
-    refusal: Exception | None = None
+def _first_consensus(table: Candidates, total: int) -> AxisScaled:
+    """The transform that most sightings agree with, tried on ever lower ranks."""
+    best: tuple[int, AxisScaled] | None = None
+    refusal: SonocalError | None = None
     for most in RANKS:
         keep = table.rank < most
         try:
-            found = calibrate(
-                candidates_at(table.rows, keep), threshold_mm=threshold_mm, seed=seed, **options
-            )
+            found = table.fit(keep).transform
         except (NoConsensusError, DegenerateGeometryError, InputError) as error:
             refusal = refusal or error
             continue
-        count = table.agreeing(table.nearest(found.probe_from_image, threshold_mm))
+        count = table.agreeing(table.nearest(found))
         if best is None or count > best[0]:
             best = count, found
         if count >= ENOUGH * total or keep.all():
             break
+    if best is None and refusal is not None and not isinstance(refusal, NoConsensusError):
+        raise refusal
     if best is None:
-        raise (
-            _nothing_found(table, total, 0)
-            if isinstance(refusal, NoConsensusError)
-            else refusal or _nothing_found(table, total, 0)
-        )
-    chance = CHANCE_FACTOR * _by_chance(table, best[1], threshold_mm)
-    if best[0] < max(_least_agreeing(table, total), chance):
+        raise _nothing_found(table, total, 0)
+    if best[0] < max(_least_agreeing(table, total), CHANCE_FACTOR * table.by_chance(best[1])):
         raise _nothing_found(table, total, best[0])
     return best[1]
 
 
-def _least_agreeing(table: _Table, total: int) -> float:
-    """Sightings without which a calibration is no answer."""
-    share = LEAST_SHARE if len(np.unique(table.rows.target)) == 1 else LEAST_SHARE_OF_MANY
-    return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), share * total)
+def _settled(table: Candidates, transform: AxisScaled, fitted: Mask | None = None) -> tuple[AxisScaled, Mask]:
+    """Choose the nearest candidates and fit them, with an ever fitter threshold, until nothing changes.
 
+    Args:
+        table: the candidates.
+        transform: where to start.
+        fitted: the rows that this is the fit of, if of such: they are not fitted again.
 
-def _by_chance(table: _Table, calibration: Calibration, threshold_mm: float) -> float:
-    """Sightings that would agree if their candidates lay anywhere in the box that holds all of them."""
-    points = table.rows.points_px
-    area = np.prod(np.ptp(points, axis=0)[:2] * calibration.probe_from_image.scales[:2])
-    one = min(1.0, np.pi * threshold_mm**2 / max(float(area), 1e-9))
-    if table.rows.dimension == 3:  # both ends of a line must agree
-        one *= one
-    candidates = np.bincount(table.owner, minlength=table.count)
-    return float(np.sum(1 - (1 - one) ** candidates))
-
-
-def _settle(
-    table: _Table, calibration: Calibration, threshold_mm: float, seed: int, options: dict[str, Any]
-) -> tuple[Calibration, NDArray[np.bool_]]:
-    """Choose the nearest candidates and calibrate on them, with an ever fitter threshold, until nothing changes."""
-    chosen = table.nearest(calibration.probe_from_image, threshold_mm)
+    Returns:
+        The fit of the chosen rows, and these.
+    """
+    chosen = table.nearest(transform)
     for _ in range(ROUNDS):
-        within = min(threshold_mm, _fitting_threshold(table, calibration.probe_from_image, chosen))
-        closer = table.nearest(calibration.probe_from_image, within)
-        calibration = calibrate(
-            candidates_at(table.rows, closer), threshold_mm=threshold_mm, seed=seed, **options
-        )
+        closer = table.nearest(transform, table.fitting_threshold_mm(transform, chosen))
+        if fitted is None or not np.array_equal(closer, fitted):
+            transform, fitted = table.fit(closer).transform, closer
         if np.array_equal(closer, chosen):
             break
         chosen = closer
-    return calibration, chosen
+    return transform, chosen
 
 
-def _fitting_threshold(table: _Table, transform: AxisScaled, chosen: NDArray[np.bool_]) -> float:
-    distance = _distances(transform, table.points[chosen], table.rows.segments_mm[chosen])
-    # The distance of a point to a line in space has two components: its median is 1.18 standard deviations.
-    sigma = float(np.median(distance)) / 1.1774 if len(distance) else np.inf
-    return TIGHTNESS[table.rows.dimension] * sigma
+def _looked_again(
+    table: Candidates, look_again: LookAgain | None, transform: AxisScaled, fitted: Mask
+) -> tuple[Candidates, Mask]:
+    """The candidates with those of a second look, and which of them are chosen."""
+    if look_again is None:
+        return table, fitted
+    further = look_again(transform, table.at(table.nearest(transform)), table.within_mm)
+    if further is None:
+        return table, _settled(table, transform, fitted)[1]
+    table = table.and_further(further)
+    return table, _settled(table, transform)[1]
+
+
+def _last_threshold(table: Candidates, chosen: Mask) -> float | Literal["auto"]:
+    """The threshold for the chosen rows: "auto", as long as it stays below what tells candidates apart."""
+    if table.options.threshold_mm == "auto" and table.fit(chosen, "auto").threshold_mm <= table.within_mm:
+        return "auto"
+    return table.within_mm
+
+
+def _least_agreeing(table: Candidates, total: int) -> float:
+    """Sightings without which a calibration is no answer."""
+    share = LEAST_SHARE if len(np.unique(table.rows.target)) == 1 else LEAST_SHARE_OF_MANY
+    return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), share * total)
 
 
 def _report(used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
@@ -251,23 +209,10 @@ def _report(used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
     )
 
 
-def _nothing_found(table: _Table, total: int, best: int) -> NoConsensusError:
+def _nothing_found(table: Candidates, total: int, best: int) -> NoConsensusError:
     return NoConsensusError(
-        f"{table.rows.source}: no calibration agrees with more than {best} of {total} images; {len(table.owner)} "
+        f"{table.rows.source}: no calibration agrees with more than {best} of {total} images; {len(table)} "
         f"candidates in {table.count} images were tried, and so few agree by chance; check in the contact sheet that "
         "the needle is visible and marked",
         best_count=best,
     )
-
-
-def _ranks(sighting: NDArray[np.int64]) -> NDArray[np.int64]:
-    order = np.argsort(sighting, kind="stable")
-    start = np.searchsorted(sighting[order], sighting[order], side="left")
-    ranks = np.empty(len(sighting), dtype=np.int64)
-    ranks[order] = np.arange(len(sighting)) - start
-    return ranks
-
-
-def _distances(transform: AxisScaled, points: Array, segments_mm: Array) -> Array:
-    """(N,) mm: of mapped points to their lines."""
-    return np.asarray(np.linalg.norm(residual_vectors(transform, points, segments_mm), axis=1))

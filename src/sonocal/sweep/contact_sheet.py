@@ -5,39 +5,42 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.detection import Candidates, LineCandidates, as_grey
+from sonocal.detection import Detections, as_grey
 from sonocal.errors import InputError
 from sonocal.files.png import Pixels
 from sonocal.geometry import Array
+from sonocal.observations import Observations
 from sonocal.recording import Recording
 
-__all__ = [
-    "contact_sheet",
-]
+__all__ = ["contact_sheet"]
 
 
 COLUMNS = 4
 TILE_PX = 320
 DOTS_PX = 4
 OTHER, FIRST, CHOSEN = (255, 170, 0), (255, 230, 90), (60, 230, 90)
+# By dimension, for each view: what is looked along (an axis of the array), and the image axes right and down.
+VIEWS: dict[int, tuple[tuple[int | None, list[int]], ...]] = {
+    2: ((None, [0, 1]),),
+    3: ((0, [0, 1]), (2, [2, 1])),
+}
+
+Mark = tuple[Array, tuple[int, int, int]]
+"""Points (P, D) px and their colour."""
 
 
 def contact_sheet(
-    recording: Recording,
-    candidates: Candidates | LineCandidates,
-    chosen: tuple[NDArray[np.int64], Array] | None = None,
-    tiles: int = 12,
+    recording: Recording, detections: Detections, chosen: Observations | None = None, tiles: int = 12
 ) -> Pixels:
-    """Images spread over a recording with candidates marked: orange, yellow the best, green the chosen one.
+    """Images spread over a recording with detections marked: orange, yellow the best, green the chosen one.
 
     A volume shows as the brightest voxels seen from the front, along w, and from the side, along u, with its lines
     dotted.
 
     Args:
         recording: images.
-        candidates: of its images.
-        chosen: frames (M,) and points (M, 2) px that a calibration rests on; in volumes points (M, 3), two of each
-            line one after the other.
+        detections: of its images.
+        chosen: the rows that a calibration rests on; in volumes two of each line, one after the other.
         tiles: how many images.
 
     Returns:
@@ -48,60 +51,46 @@ def contact_sheet(
     """
     if len(recording.frames) == 0:
         raise InputError(f"{recording.name}: has no images to show")
-    wanted = np.unique(
-        np.linspace(0, len(recording.frames) - 1, min(tiles, len(recording.frames))).astype(int)
-    )
-    pictures = [
-        _views(recording, candidates, chosen, int(i))
-        if isinstance(candidates, LineCandidates)
-        else _tile(recording, candidates, chosen, int(i))
-        for i in wanted
-    ]
+    count = len(recording.frames)
+    wanted = np.unique(np.linspace(0, count - 1, min(tiles, count)).astype(int)).tolist()
+    pictures = [_tile(recording, _marks(detections, chosen, i), i) for i in wanted]
     pictures += [np.zeros_like(pictures[0])] * (-len(pictures) % COLUMNS)
     rows = [np.hstack(pictures[i : i + COLUMNS]) for i in range(0, len(pictures), COLUMNS)]
     return np.asarray(np.vstack(rows))
 
 
-def _tile(
-    recording: Recording, candidates: Candidates, chosen: tuple[NDArray[np.int64], Array] | None, index: int
-) -> Pixels:
-    grey = as_grey(recording.frames[index], 2, f"{recording.name}, frame {index}")
-    step = max(grey.shape) / TILE_PX
-    tile = _small(grey, step)
-    here = np.flatnonzero(candidates.frame == index)
-    for rank, row in reversed(list(enumerate(here))):
-        _cross(tile, candidates.points_px[row] / step, FIRST if rank == 0 else OTHER)
+def _marks(detections: Detections, chosen: Observations | None, index: int) -> list[Mark]:
+    """What to mark in an image, the best last."""
+    here = np.flatnonzero(detections.frame == index)
+    here = here[np.argsort(-detections.rank[here], kind="stable")]
+    marks = [(detections.points_px[row], FIRST if detections.rank[row] == 0 else OTHER) for row in here]
     if chosen is not None:
-        for row in np.flatnonzero(chosen[0] == index):
-            _cross(tile, chosen[1][row] / step, CHOSEN)
-    tile[-1], tile[:, -1] = 60, 60
-    return tile
+        shape = (-1, *detections.points_px.shape[1:])
+        marks += [(points, CHOSEN) for points in chosen.points_px[chosen.frame == index].reshape(shape)]
+    return marks
 
 
-def _views(
-    recording: Recording,
-    candidates: LineCandidates,
-    chosen: tuple[NDArray[np.int64], Array] | None,
-    index: int,
+def _tile(recording: Recording, marks: list[Mark], index: int) -> Pixels:
+    """An image, or a volume's views side by side, with its marks."""
+    assert recording.image is not None  # it has images
+    dimension = recording.image.dimension
+    grey = as_grey(recording.frames[index], dimension, f"{recording.name}, frame {index}")
+    step = max(grey.shape) * len(VIEWS[dimension]) / TILE_PX
+    views = [_view(grey, marks, step, along, axes) for along, axes in VIEWS[dimension]]
+    height = max(view.shape[0] for view in views)
+    return np.hstack([np.pad(view, ((0, height - view.shape[0]), (0, 0), (0, 0))) for view in views])
+
+
+def _view(
+    grey: NDArray[np.float32], marks: list[Mark], step: float, along: int | None, axes: list[int]
 ) -> Pixels:
-    grey = as_grey(recording.frames[index], 3, f"{recording.name}, frame {index}")
-    step = max(grey.shape) / (TILE_PX // 2)
-    views = []
-    # (axis that is looked along, image axes right and down)
-    for along, axes in ((0, [0, 1]), (2, [2, 1])):
-        flat = grey.max(axis=along)
-        view = _small(flat if along == 0 else flat.T, step)
-        for row in np.flatnonzero(candidates.frame == index)[::-1]:
-            colour = FIRST if candidates.rank[row] == 0 else OTHER
-            _dots(view, candidates.lines[row].ends_px[:, axes] / step, colour)
-        if chosen is not None:
-            for ends in chosen[1][chosen[0] == index].reshape(-1, 2, 3):
-                _dots(view, ends[:, axes] / step, CHOSEN)
-        view[-1], view[:, -1] = 60, 60
-        views.append(view)
-    return np.hstack(
-        [np.pad(v, ((0, max(x.shape[0] for x in views) - v.shape[0]), (0, 0), (0, 0))) for v in views]
-    )
+    flat = grey if along is None else grey.max(axis=along)
+    view = _small(flat.T if axes == [2, 1] else flat, step)
+    for points, colour in marks:
+        place = points[:, axes] / step
+        _cross(view, place[0], colour) if len(place) == 1 else _dots(view, place, colour)
+    view[-1], view[:, -1] = 60, 60
+    return view
 
 
 def _small(grey: NDArray[np.float32], step: float) -> Pixels:

@@ -2,90 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sonocal.detection import PointDetector, detect_line_near
-from sonocal.detection.points import LEAST_SCORE, Centre
-from sonocal.geometry import (
-    Array,
-    AxisScaled,
-    image_crossings,
-    predicted_needles,
-)
+from sonocal.detection import Detections
+from sonocal.detection.recordings import Detector
+from sonocal.geometry import Array, AxisScaled, predicted_needles
 from sonocal.observations import Observations
-from sonocal.recording import Recording
+from sonocal.sweep.tabulate import tabulated
+from sonocal.targets import Line
 
-__all__ = ["SecondLook", "lines_near", "points_near"]
+__all__ = ["SecondLook"]
 
-FAINT_SHARE = 0.5
-"""Of the detection's least score: near where the needle must be, a fainter place will do."""
-MANY = 25
 LAST_RANK = 10**6
-
-Find = Callable[[int, Array, float], Array]
-"""The image's index, the needle (2, 3) px in it and a distance in px to candidates (K, points, dimension) px."""
+"""Behind all that the first look found: its number tells one candidate from another."""
 
 
 class SecondLook:
     """Candidates for the needles that no candidate is near to.
 
     Args:
-        expected: one row an image and needle that can be seen in it; where its point is does not matter.
-        find: looks for a needle.
+        detector: looks into the recording's images.
+        lines: the needles and wires.
+        segments_mm: (N, L, 2, 3): their ends in every item of the recording, in the probe marker's frame.
+        first: what the first look found: it is not found again.
     """
 
-    def __init__(self, expected: Observations, find: Find) -> None:
-        self._expected, self._find = expected, find
+    def __init__(
+        self, detector: Detector, lines: Sequence[Line], segments_mm: Array, first: Detections
+    ) -> None:
+        self._detector, self._lines, self._all_segments = detector, lines, segments_mm
+        self._known = set(_keys(first.frame.tolist(), first.points_px))
+        posed = np.isfinite(segments_mm).all(axis=(2, 3)) & detector.recording.image_valid[:, None]
+        frame, line = np.nonzero(posed)
+        self._frame, self._segments = frame.tolist(), segments_mm[posed]
+        self._target = [lines[i].name for i in line.tolist()]
 
     def __call__(
         self, probe_from_image: AxisScaled, near: Observations, threshold_mm: float
-    ) -> list[Observations]:
+    ) -> Observations | None:
         """Further candidates, where `near` holds none."""
-        expected = self._expected
-        needles = predicted_needles(probe_from_image, expected.segments_mm)
+        needles = predicted_needles(probe_from_image, self._segments)
         reach_px = threshold_mm / float(probe_from_image.scales.mean())
         seen = set(zip(near.frame.tolist(), near.target.tolist(), strict=True))
-        further = []
-        for row, sighting in enumerate(zip(expected.frame.tolist(), expected.target.tolist(), strict=True)):
-            if sighting not in seen:
-                found = self._find(sighting[0], needles[row], reach_px)
-                further += [self._rows(row, points, rank) for rank, points in enumerate(found)]
-        return further
+        found = [
+            (frame, target, rank, points)
+            for frame, target, needle in zip(self._frame, self._target, needles, strict=True)
+            if (frame, target) not in seen
+            for rank, points in enumerate(self._unknown(frame, needle, reach_px))
+        ]
+        if not found:
+            return None
+        frames, targets, ranks, places = zip(*found, strict=True)
+        further = Detections(
+            np.array(frames),
+            np.array(places),
+            rank=LAST_RANK + np.array(ranks),
+            target=np.array(targets),
+            source=near.source,
+        )
+        recording = self._detector.recording
+        return tabulated(recording, self._lines, further, self._all_segments).observations
 
-    def _rows(self, row: int, points: Array, rank: int) -> Observations:
-        """A candidate: one row in an image, in a volume a row an end, whose `split` tells it from others."""
-        like = self._expected.select(np.full(len(points), row))
-        split = like.split if len(points) == 1 else np.full(len(points), str(LAST_RANK + rank))
-        return replace(like, points_px=points, split=split)
-
-
-def points_near(recording: Recording, mask: NDArray[np.bool_], centre: Centre) -> Find:
-    """Looks in 2D images."""
-    detector = PointDetector(mask, MANY, centre=centre, least_score=FAINT_SHARE * LEAST_SCORE)
-    last: dict[int, Array] = {}
-
-    def find(frame: int, needle: Array, reach_px: float) -> Array:
-        place = image_crossings(needle[None])[0]
-        if not (np.isfinite(place).all() and (place >= 0).all() and (place < mask.shape[::-1]).all()):
-            return np.empty((0, 1, 2))
-        if frame not in last:  # an image's wires follow one another
-            last.clear()
-            last[frame] = detector.detect(recording.frames[frame])[0]
-        points = last[frame]
-        return points[np.linalg.norm(points - place, axis=1) <= reach_px, None]
-
-    return find
+    def _unknown(self, frame: int, needle: Array, reach_px: float) -> Iterator[Array]:
+        """(P, D) px: places near a needle that the first look did not find."""
+        places = self._detector.near(frame, needle, reach_px)
+        keys = _keys([frame] * len(places), places)
+        return (place for place, key in zip(places, keys, strict=True) if key not in self._known)
 
 
-def lines_near(recording: Recording) -> Find:
-    """Looks in volumes."""
-
-    def find(frame: int, needle: Array, reach_px: float) -> Array:
-        line = detect_line_near(recording.frames[frame], needle, name=f"{recording.name}, frame {frame}")
-        return np.empty((0, 2, 3)) if line is None else line.ends_px[None]
-
-    return find
+def _keys(frames: Sequence[int], points_px: Array) -> list[tuple[int, bytes]]:
+    """What tells a detection from others."""
+    return [(frame, points.tobytes()) for frame, points in zip(frames, points_px, strict=True)]

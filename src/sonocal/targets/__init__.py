@@ -1,16 +1,20 @@
 """What is scanned: lines and points of tools, from their own file or a PLUS device set."""
 
-from sonocal.targets.device_set import DeviceSet, read_device_set, read_lines
-from sonocal.targets.lines import Line, Point, check_lines, lines_toml, read_points_toml, write_lines
+from sonocal.targets.device_set import DeviceSet, read_device_set
+from sonocal.targets.formats import read_lines
+from sonocal.targets.lines import Line, Point, check_lines
+from sonocal.targets.toml_file import Targets, lines_toml, read_points_toml, read_targets, write_lines
 
 __all__ = [
     "DeviceSet",
     "Line",
     "Point",
+    "Targets",
     "check_lines",
     "lines_toml",
     "read_device_set",
     "read_lines",
     "read_points_toml",
+    "read_targets",
     "write_lines",
 ]

@@ -12,14 +12,14 @@ import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_text
+from sonocal.files.kinds import Format
 from sonocal.geometry import Array
 from sonocal.targets.lines import (
     Line,
     check_lines,
-    read_lines_toml,
 )
 
-__all__ = ["DeviceSet", "parse_xml", "read_device_set", "read_lines"]
+__all__ = ["FORMAT", "DeviceSet", "parse_xml", "read_device_set"]
 
 SIZE_LIMIT = 16 << 20
 
@@ -61,26 +61,6 @@ def read_device_set(path: str | Path) -> DeviceSet:
     check_lines(path.name, wires)
     names = tuple(tuple(wire.name for wire in pattern) for pattern in patterns)
     return DeviceSet(path.name, dict(_transforms(path.name, root)), wires, names)
-
-
-def read_lines(path: str | Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, str], Array]]:
-    """Needles and wires from a ``.toml`` or from a PLUS device set.
-
-    Returns:
-        The lines, and the constant transforms that come with them (none with a ``.toml``).
-
-    Raises:
-        InputError: the file holds no line.
-    """
-    path = Path(path)
-    if path.suffix.lower() != ".xml":
-        return read_lines_toml(path), {}
-    devices = read_device_set(path)
-    if not devices.wires:
-        raise InputError(
-            f"{path.name}: describes no phantom wires; name a device set with a PhantomDefinition"
-        )
-    return devices.wires, devices.transforms
 
 
 def parse_xml(name: str, text: str) -> ET.Element:
@@ -154,3 +134,13 @@ def _numbers(text: str | None) -> Array | None:
     except ValueError:
         return None
     return numbers if np.isfinite(numbers).all() else None
+
+
+FORMAT = Format(
+    name="PLUS device set",
+    kind="device set",
+    suffixes=(".xml",),
+    sniff=lambda head: head.text.startswith(b"<"),
+    read=read_device_set,
+    holds="constant transforms, wires of a phantom",
+)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.errors import DegenerateGeometryError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.tools.pivot import checked_poses
+from sonocal.tools.poses import checked_poses
 
 __all__ = ["SpinCalibration", "calibrate_spin"]
 

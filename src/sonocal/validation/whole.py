@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,24 +110,24 @@ def validate(
         if len(np.unique(fitted.target)) > 1:
             attempts.run("leave-one-target-out error", lambda: leave_one_target_out(calibration, fitted))
         spread = attempts.repeatability(calibration, fitted, seed)
-    findings = [
-        *attempts.failures,
-        *held_out_findings(calibration, unseen),
-        *check_setup(
-            evidence_of(calibration, given_rows(calibration, observations)),
-            scanner_mm_per_px=scanner_mm_per_px,
-            expected_rotation=expected_rotation,
-            seed=calibration.options.seed,
-        ),
-    ]
+    told = {"scanner_mm_per_px": scanner_mm_per_px, "expected_rotation": expected_rotation}
+    findings = [*attempts.failures, *_said_by(calibration, observations, unseen, told)]
     return Validation(
-        tuple(attempts.quantities),
-        # What the calibration has found already is no news.
-        tuple(finding for finding in findings if finding not in calibration.diagnostics),
-        spread,
-        observations.source,
-        observations.sha256,
+        tuple(attempts.quantities), tuple(findings), spread, observations.source, observations.sha256
     )
+
+
+def _said_by(
+    calibration: Calibration, observations: Observations, unseen: Observations | None, told: dict[str, Any]
+) -> list[Diagnostic]:
+    """What rows say against a calibration; what it has found already is no news."""
+    fitted = fitted_rows(calibration, observations)
+    evidence = evidence_of(calibration, observations if fitted is None else fitted)
+    findings = [
+        *held_out_findings(calibration, unseen),
+        *check_setup(evidence, **told, seed=calibration.options.seed),
+    ]
+    return [finding for finding in findings if finding not in calibration.diagnostics]
 
 
 def validate_points(calibration: Calibration, sightings: PointSightings) -> Validation:
@@ -177,12 +178,6 @@ def fitted_rows(calibration: Calibration, observations: Observations) -> Observa
     """The rows that were given to the fit, outliers included; None if the table is not the calibration's input."""
     mask = _fitted_mask(calibration, observations)
     return None if mask is None else observations.select(mask)
-
-
-def given_rows(calibration: Calibration, observations: Observations) -> Observations:
-    """The rows that the set-up shows in: those that were given to the fit, or another table's."""
-    fitted = fitted_rows(calibration, observations)
-    return observations if fitted is None else fitted
 
 
 def _fitted_mask(calibration: Calibration, observations: Observations) -> NDArray[np.bool_] | None:

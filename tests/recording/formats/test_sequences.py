@@ -20,8 +20,8 @@ from sonocal.recording.formats import (
 from tests.builders.recordings import (
     assert_same,
     random_recording,
+    stored_file,
 )
-from tests.recording.formats.test_orientation import stored_file
 
 SUFFIXES = (".mha", ".mhd", ".nrrd")
 TYPES = ("uint8", "int8", "uint16", "int16", "float32", "float64")

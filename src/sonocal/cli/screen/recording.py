@@ -15,12 +15,12 @@ from sonocal.cli.screen.parts import (
     number_table,
     print_findings,
 )
+from sonocal.detection import Detections
 from sonocal.geometry import Array
 from sonocal.recording import (
     ImageGeometry,
     Summary,
 )
-from sonocal.sweep import Detections
 from sonocal.targets import (
     DeviceSet,
     Line,

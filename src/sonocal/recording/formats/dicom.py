@@ -13,13 +13,16 @@ import numpy as np
 
 from sonocal.errors import FormatError, UnsupportedError
 from sonocal.files import file_size
+from sonocal.files.kinds import Format
 from sonocal.geometry import Array
-from sonocal.recording.formats.layout import COUNT_LIMIT
+from sonocal.recording.formats.parts.layout import COUNT_LIMIT
+from sonocal.recording.formats.parts.packages import needed
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 
-__all__ = ["read_dicom", "read_dicom_files"]
+__all__ = ["FORMAT", "SUFFIXES", "read_dicom", "read_dicom_files"]
 
+SUFFIXES = (".dcm", ".ima")
 CENTIMETRES = 3  # PhysicalUnitsXDirection of an ultrasound region
 MM_PER_CM = 10.0
 
@@ -119,10 +122,7 @@ class _Clamped(io.BufferedReader):
 
 def _header(path: Path) -> Any:
     file_size(path)
-    try:
-        import pydicom
-    except ImportError:
-        raise UnsupportedError(f"{path.name}: DICOM needs pydicom; pip install 'sonocal[io]'") from None
+    pydicom = needed("pydicom", path, "DICOM needs pydicom")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -194,3 +194,14 @@ def _number(path: Path, header: Any, key: str, default: float) -> float:
     if not np.isfinite(number):
         raise FormatError(f"{path.name}: its {key} is not a number")
     return number
+
+
+FORMAT = Format(
+    name="DICOM",
+    kind="recording",
+    suffixes=SUFFIXES,
+    sniff=lambda head: head.content[128:132] == b"DICM",
+    read=read_dicom,
+    holds="multi-frame, 8 and 16 bit, grey and colour",
+    needs=("pydicom",),
+)

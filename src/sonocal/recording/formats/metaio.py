@@ -7,84 +7,25 @@ Own code where libraries exist: the ones there are fail on recordings of a track
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sonocal.errors import FormatError, UnsupportedError
-from sonocal.files import beside, file_size, reading
-from sonocal.recording.formats.inflate import (
-    ZLIB,
-    InflatedFrames,
-)
-from sonocal.recording.formats.layout import (
-    Layout,
-    assemble,
-    check_sizes,
-)
-from sonocal.recording.formats.sequence_fields import (
-    PREFIX,
-    ItemFields,
-)
+from sonocal.files import beside, file_size
+from sonocal.files.kinds import Format, Head
+from sonocal.recording.formats.parts.inflate import ZLIB, InflatedFrames
+from sonocal.recording.formats.parts.layout import Layout, assemble, check_sizes
+from sonocal.recording.formats.parts.metaio_header import ELEMENT_TYPES, STRUCTURE, Header, read_header
+from sonocal.recording.formats.parts.metaio_write import write_metaio
 from sonocal.recording.frames import Frames, RawFrames, no_frames
 from sonocal.recording.model import Provenance, Recording
 
-__all__ = ["ELEMENT_TYPES", "STRUCTURE", "read_metaio"]
+__all__ = ["FORMAT", "read_metaio"]
 
-ELEMENT_TYPES = {
-    "MET_UCHAR": "u1",
-    "MET_CHAR": "i1",
-    "MET_USHORT": "u2",
-    "MET_SHORT": "i2",
-    "MET_UINT": "u4",
-    "MET_INT": "i4",
-    "MET_ULONG_LONG": "u8",
-    "MET_LONG_LONG": "i8",
-    "MET_FLOAT": "f4",
-    "MET_DOUBLE": "f8",
-}
-# What the format itself defines; the writer states it anew, everything else is kept as it came.
-STRUCTURE = (
-    "ObjectType",
-    "NDims",
-    "BinaryData",
-    "BinaryDataByteOrderMSB",
-    "ElementByteOrderMSB",
-    "CompressedData",
-    "CompressedDataSize",
-    "DimSize",
-    "ElementNumberOfChannels",
-    "ElementType",
-    "HeaderSize",
-    "Kinds",
-    "UltrasoundImageOrientation",
-    "ElementDataFile",
-)
-KEY = re.compile(r"[A-Za-z_][\w .\-]*")
-# A line of a header; longer ones are pixels taken for text.
-LINE_LIMIT = 1 << 20
-
-
-@dataclass
-class _Header:
-    name: str
-    fields: dict[str, str]
-    items: ItemFields
-    end: int
-
-    def whole(self, key: str) -> tuple[int, ...]:
-        """The whole numbers of a field; () where it is absent."""
-        text = self.fields.get(key, "")
-        if not all(re.fullmatch(r"[+-]?\d{1,18}", word) for word in text.split()):
-            raise FormatError(f"{self.name}: {key} = {text[:60]!r} is not of whole numbers")
-        return tuple(int(word) for word in text.split())
-
-    def true(self, key: str) -> bool:
-        """Whether a field is set; MetaIO reads the first letter."""
-        return self.fields.get(key, "")[:1] in ("T", "t", "1")
+# Any of these makes a header: the first line may be another field.
+FIELDS = re.compile(rb"^(ObjectType|NDims|DimSize|ElementType|ElementDataFile)[ \t]*=", re.MULTILINE)
 
 
 def read_metaio(path: Path) -> Recording:
@@ -97,7 +38,7 @@ def read_metaio(path: Path) -> Recording:
         FormatError: the header is damaged, or does not match the data.
         UnsupportedError: a kind of MetaIO that recordings do not use.
     """
-    header = _read_header(path)
+    header = read_header(path)
     layout = _layout(header)
     data_path, offset = _data_place(path, header, layout)
     frames = no_frames() if layout.image_free else _frames(header, layout, data_path, offset)
@@ -114,45 +55,7 @@ def read_metaio(path: Path) -> Recording:
     )
 
 
-def _read_header(path: Path) -> _Header:
-    fields: dict[str, str] = {}
-    items = ItemFields(path.name)
-    name, number = path.name, 0
-    with reading(path), path.open("rb") as file:
-        while line := file.readline(LINE_LIMIT):
-            number += 1
-            text = _text(name, number, line)
-            key, equals, value = text.partition("=")
-            if key[:9] == PREFIX and equals:  # most lines by far
-                items.add(key.rstrip(), value.strip())
-                continue
-            key = key.strip()
-            if not key and not equals:
-                continue
-            if not equals or not KEY.fullmatch(key):
-                raise FormatError(
-                    f"{name}, line {number}: {text.strip()[:60]!r} is not 'name = value' of a MetaIO header"
-                )
-            if key in fields:
-                raise FormatError(f"{name}, line {number}: {key} stands twice in the header; delete one")
-            fields[key] = value.strip()
-            if key == "ElementDataFile":
-                return _Header(name, fields, items, file.tell())
-    if not fields:
-        raise FormatError(f"{name}: is empty; a MetaIO file starts with a header")
-    raise FormatError(f"{name}: its header ends without ElementDataFile; it was cut short, copy it again")
-
-
-def _text(name: str, number: int, line: bytes) -> str:
-    if len(line) == LINE_LIMIT or b"\0" in line:
-        raise FormatError(f"{name}, line {number}: is not text; a MetaIO header ends with ElementDataFile")
-    try:
-        return line.decode("utf-8")
-    except UnicodeDecodeError:
-        raise FormatError(f"{name}, line {number}: is not UTF-8 text; a MetaIO header is") from None
-
-
-def _layout(header: _Header) -> Layout:
+def _layout(header: Header) -> Layout:
     if header.fields.get("ObjectType", "Image") != "Image":
         raise UnsupportedError(
             f"{header.name}: holds a MetaIO {header.fields['ObjectType'][:40]}, not an image"
@@ -175,7 +78,7 @@ def _layout(header: _Header) -> Layout:
     )
 
 
-def _dtype(header: _Header, image_free: bool) -> np.dtype[Any]:
+def _dtype(header: Header, image_free: bool) -> np.dtype[Any]:
     element = header.fields.get("ElementType", "")
     if image_free:
         return np.dtype("u1")
@@ -187,7 +90,7 @@ def _dtype(header: _Header, image_free: bool) -> np.dtype[Any]:
     return np.dtype((">" if big else "<") + ELEMENT_TYPES[element])
 
 
-def _spacing(header: _Header, dimension: int) -> tuple[float, ...] | None:
+def _spacing(header: Header, dimension: int) -> tuple[float, ...] | None:
     text = header.fields.get("ElementSpacing", header.fields.get("ElementSize", ""))
     try:
         spacing = tuple(float(word) for word in text.split())
@@ -196,7 +99,7 @@ def _spacing(header: _Header, dimension: int) -> tuple[float, ...] | None:
     return spacing[:dimension] if len(spacing) >= dimension else None
 
 
-def _data_place(path: Path, header: _Header, layout: Layout) -> tuple[Path, int]:
+def _data_place(path: Path, header: Header, layout: Layout) -> tuple[Path, int]:
     name = header.fields["ElementDataFile"]
     if name.upper() == "LOCAL":
         return path, header.end
@@ -212,7 +115,7 @@ def _data_place(path: Path, header: _Header, layout: Layout) -> tuple[Path, int]
     return data, _skipped(header, data, layout)
 
 
-def _skipped(header: _Header, data: Path, layout: Layout) -> int:
+def _skipped(header: Header, data: Path, layout: Layout) -> int:
     """Bytes before the pixels of a separate data file."""
     skip, size = (*header.whole("HeaderSize"), 0)[0], file_size(data)
     if skip == -1:  # MetaIO: the pixels are the last bytes of the file
@@ -222,7 +125,7 @@ def _skipped(header: _Header, data: Path, layout: Layout) -> int:
     return skip
 
 
-def _frames(header: _Header, layout: Layout, path: Path, offset: int) -> Frames:
+def _frames(header: Header, layout: Layout, path: Path, offset: int) -> Frames:
     if header.fields.get("BinaryData", "True")[:1] not in ("T", "t", "1"):
         raise UnsupportedError(f"{header.name}: holds pixels as text; convert it to a binary .mha")
     if not header.true("CompressedData"):
@@ -231,34 +134,18 @@ def _frames(header: _Header, layout: Layout, path: Path, offset: int) -> Frames:
     return InflatedFrames(path, offset, length, layout.count, layout.shape, layout.dtype, ZLIB)
 
 
-def structure_of(recording: Recording, compress: bool) -> Mapping[str, str]:
-    """The header fields that the format itself defines, for a recording to be written."""
-    image = recording.image
-    sequence = is_sequence(recording)
-    sizes = (0, 0) if image is None else image.size_px
-    dims = [*sizes, len(recording)] if sequence else list(sizes)
-    kinds = ["domain"] * len(sizes) + ["list"] * sequence
-    return {
-        "ObjectType": "Image",
-        "NDims": str(len(dims)),
-        "BinaryData": "True",
-        "BinaryDataByteOrderMSB": "False",
-        "CompressedData": str(compress),
-        "DimSize": " ".join(map(str, dims)),
-        "Kinds": " ".join(kinds),
-        "ElementNumberOfChannels": str(1 if image is None else image.channels),
-        "ElementType": "MET_OTHER" if image is None else _element_type(recording.name, np.dtype(image.dtype)),
-    }
+def _sniff(head: Head) -> bool:
+    return re.match(rb"\w+[ \t]*=", head.text) is not None and FIELDS.search(head.text) is not None
 
 
-def is_sequence(recording: Recording) -> bool:
-    """Whether a file must say that it is a sequence: a lone image without fields is a plain image."""
-    described = bool(recording.poses or recording.item_fields or np.isfinite(recording.times).any())
-    return described or len(recording) != 1 or recording.image is None
-
-
-def _element_type(name: str, dtype: np.dtype[Any]) -> str:
-    for element, code in ELEMENT_TYPES.items():
-        if np.dtype(code) == dtype:
-            return element
-    raise UnsupportedError(f"{name}: pixels of type {dtype} have no MetaIO type; convert them to uint8")
+FORMAT = Format(
+    name="PLUS sequence metafile, MetaIO image",
+    kind="recording",
+    suffixes=(".mha", ".mhd"),
+    sniff=_sniff,
+    read=read_metaio,
+    holds="plain and zlib; 2D and 3D frames; 8 to 64 bit, float, colour; either byte order; a tracker alone "
+    "(`DimSize = 0 0 N`, `MET_OTHER`); a volume without fields of items is one frame",
+    write=write_metaio,
+    writes=(".mha", ".mhd"),
+)

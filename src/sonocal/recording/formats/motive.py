@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from sonocal.errors import FormatError, InputError, UnsupportedError
+from sonocal.files import read_text
+from sonocal.files.kinds import TABLE_SUFFIXES, Format
 from sonocal.files.tables import (
     cells_to_numbers,
     csv_rows,
@@ -19,9 +21,9 @@ from sonocal.files.tables import (
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.model import Provenance, Recording
-from sonocal.recording.poses import Poses, by_name
+from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
 
-__all__ = ["is_motive", "read_motive_text"]
+__all__ = ["FORMAT", "read_motive"]
 
 MM_PER_UNIT = {
     "meters": 1000.0,
@@ -33,12 +35,7 @@ MM_PER_UNIT = {
 AXES = {"Rotation": ("X", "Y", "Z", "W"), "Position": ("X", "Y", "Z")}
 
 
-def is_motive(text: str) -> bool:
-    """Whether a table is Motive's: its first cell is ``Format Version``."""
-    return text.lstrip()[:20].strip('"').startswith("Format Version")
-
-
-def read_motive_text(path: Path, text: str) -> Recording:
+def read_motive(path: Path) -> Recording:
     """Read Motive's export.
 
     Raises:
@@ -46,7 +43,7 @@ def read_motive_text(path: Path, text: str) -> Recording:
         UnsupportedError: rotations are not quaternions.
         InputError: it holds no rigid body, or a cell is wrong.
     """
-    rows, lines = csv_rows(path.name, text)
+    rows, lines = csv_rows(path.name, read_text(path, "a table of poses"))
     about = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     top = next(
         (i for i, row in enumerate(rows) if [c.strip() for c in row[:2]] == ["Frame", "Time (Seconds)"]), None
@@ -113,8 +110,6 @@ def _header_rows(
 def _bodies(
     name: str, header: list[tuple[str, str, str, str]], body: list[list[str]], lines: list[int], scale: float
 ) -> Iterator[Poses]:
-    from sonocal.recording.poses import poses_from_quaternions
-
     tools = dict.fromkeys(
         tool for kind, tool, quantity, _ in header if kind == "Rigid Body" and quantity == "Rotation"
     )
@@ -151,3 +146,14 @@ def _about_axes(about: dict[str, str], scale: float) -> Diagnostic:
         ),
         advice="calibrations use poses of tools to each other, in which the world cancels",
     )
+
+
+FORMAT = Format(
+    name="OptiTrack Motive CSV",
+    kind="recording",
+    suffixes=TABLE_SUFFIXES,
+    header="Format Version in its first cell",
+    sniff=lambda head: head.columns[:1] == ("Format Version",),
+    read=read_motive,
+    holds="rigid bodies as quaternions; metres, centimetres, millimetres",
+)

@@ -15,69 +15,21 @@ from typing import Any
 import numpy as np
 
 from sonocal.errors import FormatError, UnsupportedError
-from sonocal.files import beside, reading
+from sonocal.files import beside
+from sonocal.files.kinds import Format
 from sonocal.geometry import Array
-from sonocal.recording.formats.inflate import (
-    GZIP,
-    InflatedFrames,
-)
-from sonocal.recording.formats.layout import (
-    Layout,
-    assemble,
-    check_sizes,
-)
-from sonocal.recording.formats.sequence_fields import (
-    PREFIX,
-    ItemFields,
-)
-from sonocal.recording.formats.written import NRRD_GEOMETRY
+from sonocal.recording.formats.parts.inflate import GZIP, InflatedFrames
+from sonocal.recording.formats.parts.layout import Layout, assemble, check_sizes
+from sonocal.recording.formats.parts.nrrd_header import ORIENTATION_KEY, STRUCTURE, TYPES, Header, read_header
+from sonocal.recording.formats.parts.nrrd_write import write_nrrd
+from sonocal.recording.formats.parts.written import NRRD_GEOMETRY
 from sonocal.recording.frames import Frames, Image, RawFrames, no_frames
 from sonocal.recording.model import Provenance, Recording
 
-__all__ = ["ORIENTATION_KEY", "TYPES", "read_nrrd"]
+__all__ = ["FORMAT", "read_nrrd"]
 
-TYPES = {
-    "u1": ("uint8", "uchar", "unsigned char", "uint8_t"),
-    "i1": ("int8", "signed char", "int8_t"),
-    "u2": ("uint16", "ushort", "unsigned short", "unsigned short int", "uint16_t"),
-    "i2": ("int16", "short", "short int", "signed short", "signed short int", "int16_t"),
-    "u4": ("uint32", "uint", "unsigned int", "uint32_t"),
-    "i4": ("int32", "int", "signed int", "int32_t"),
-    "u8": ("uint64", "ulonglong", "unsigned long long", "unsigned long long int", "uint64_t"),
-    "i8": ("int64", "longlong", "long long", "long long int", "signed long long", "int64_t"),
-    "f4": ("float",),
-    "f8": ("double",),
-}
-ORIENTATION_KEY = "ultrasound image orientation"
-STRUCTURE = (
-    "type",
-    "dimension",
-    "sizes",
-    "kinds",
-    "encoding",
-    "endian",
-    "data file",
-    "datafile",
-    "byte skip",
-    "line skip",
-)
 SPATIAL_KINDS = ("domain", "space", "???", "none")
 LIST_KINDS = ("list", "time")
-LINE_LIMIT = 1 << 24  # Slicer keeps the index values of a whole sequence in one line
-
-
-@dataclass
-class _Header:
-    name: str
-    fields: dict[str, str]
-    pairs: dict[str, str]
-    items: ItemFields
-    end: int
-
-    def need(self, key: str) -> str:
-        if key not in self.fields:
-            raise FormatError(f"{self.name}: the header lacks {key!r}, which every NRRD file has")
-        return self.fields[key]
 
 
 @dataclass(frozen=True)
@@ -107,7 +59,7 @@ def read_nrrd(path: Path) -> Recording:
         FormatError: the header is damaged, or does not match the data.
         UnsupportedError: a kind of NRRD that recordings do not use.
     """
-    header = _read_header(path)
+    header = read_header(path)
     axes = _axes(header)
     single_slice = axes.list is not None and len(axes.spatial) == 3 and axes.sizes[axes.spatial[2]] == 1
     layout = _layout(header, axes, single_slice)
@@ -131,53 +83,9 @@ def read_nrrd(path: Path) -> Recording:
     )
 
 
-def _read_header(path: Path) -> _Header:
-    header = _Header(path.name, {}, {}, ItemFields(path.name), 0)
-    with reading(path), path.open("rb") as file:
-        if not re.match(rb"NRRD000[1-5]\r?\n", file.readline(16)):
-            raise FormatError(f"{path.name}: does not start with NRRD0001 to NRRD0005; it is no NRRD file")
-        number = 1
-        while line := file.readline(LINE_LIMIT):
-            number += 1
-            text = _text(path.name, number, line)
-            if not text:
-                break
-            _take(header, number, text)
-        header.end = file.tell()
-    return header
-
-
-def _take(header: _Header, number: int, text: str) -> None:
-    if text.startswith("#"):
-        return
-    match = re.match(r"([^:]+):(=| ?)(.*)", text)
-    if match is None:
-        raise FormatError(
-            f"{header.name}, line {number}: {text[:60]!r} is neither 'field: value' nor 'key:=value'"
-        )
-    key, value, is_pair = match[1], match[3].strip(), match[2] == "="
-    if is_pair and key.startswith(PREFIX):
-        header.items.add(key, value)
-        return
-    place = header.pairs if is_pair else header.fields
-    key = key if is_pair else key.strip().lower()
-    if key in header.pairs or key in header.fields:
-        raise FormatError(f"{header.name}, line {number}: {key} stands twice in the header; delete one")
-    place[key] = value
-
-
-def _text(name: str, number: int, line: bytes) -> str:
-    if len(line) == LINE_LIMIT or b"\0" in line:
-        raise FormatError(f"{name}, line {number}: is not text; an NRRD header ends with an empty line")
-    try:
-        return line.decode("utf-8").rstrip("\r\n")
-    except UnicodeDecodeError:
-        raise FormatError(f"{name}, line {number}: is not UTF-8 text; an NRRD header is") from None
-
-
-def _axes(header: _Header) -> _Axes:
-    sizes = _whole(header, "sizes")
-    if _whole(header, "dimension") != (len(sizes),) or not 2 <= len(sizes) <= 5:
+def _axes(header: Header) -> _Axes:
+    sizes = header.whole("sizes")
+    if header.whole("dimension") != (len(sizes),) or not 2 <= len(sizes) <= 5:
         raise FormatError(
             f"{header.name}: dimension {header.need('dimension')!r} does not fit sizes {header.need('sizes')!r}; "
             "recordings have 2 to 5"
@@ -208,7 +116,7 @@ def _named_axes(name: str, sizes: tuple[int, ...], kinds: Sequence[str]) -> _Axe
     return _Axes(sizes, tuple(spatial), colours[0] if colours else None, lists[0] if lists else None)
 
 
-def _layout(header: _Header, axes: _Axes, single_slice: bool) -> Layout:
+def _layout(header: Header, axes: _Axes, single_slice: bool) -> Layout:
     size = tuple(axes.sizes[i] for i in axes.spatial)
     count = 1 if axes.list is None else axes.sizes[axes.list]
     spacing = _spacing(header, axes)
@@ -218,7 +126,7 @@ def _layout(header: _Header, axes: _Axes, single_slice: bool) -> Layout:
     return Layout(header.name, size, count, channels, _dtype(header, 0 in size), spacing)
 
 
-def _dtype(header: _Header, image_free: bool) -> np.dtype[Any]:
+def _dtype(header: Header, image_free: bool) -> np.dtype[Any]:
     if image_free:
         return np.dtype("u1")
     name = header.need("type").lower()
@@ -233,7 +141,7 @@ def _dtype(header: _Header, image_free: bool) -> np.dtype[Any]:
     return np.dtype((">" if endian == "big" else "<") + code)
 
 
-def _spacing(header: _Header, axes: _Axes) -> tuple[float, ...] | None:
+def _spacing(header: Header, axes: _Axes) -> tuple[float, ...] | None:
     text = header.fields.get("space directions")
     vectors = re.findall(r"none|\([^()]*\)", text) if text else header.fields.get("spacings", "").split()
     if len(vectors) != len(axes.sizes):
@@ -250,10 +158,10 @@ def _spacing(header: _Header, axes: _Axes) -> tuple[float, ...] | None:
     return tuple(float(lengths[i]) for i in axes.spatial)
 
 
-def _data_place(path: Path, header: _Header) -> tuple[Path, int]:
+def _data_place(path: Path, header: Header) -> tuple[Path, int]:
     if header.fields.get("line skip", "0") != "0":
         raise UnsupportedError(f"{path.name}: skips lines before its pixels; convert it to a plain .nrrd")
-    skip = (*_whole(header, "byte skip", "0"), 0)[0]
+    skip = (*header.whole("byte skip", "0"), 0)[0]
     if skip < 0:
         raise UnsupportedError(
             f"{path.name}: counts its pixels from the end of the file; convert it to a plain .nrrd"
@@ -269,7 +177,7 @@ def _data_place(path: Path, header: _Header) -> tuple[Path, int]:
     return data, skip
 
 
-def _frames(header: _Header, axes: _Axes, layout: Layout, path: Path, offset: int) -> Frames:
+def _frames(header: Header, axes: _Axes, layout: Layout, path: Path, offset: int) -> Frames:
     if axes.plain:
         return _stored(header, layout.count, layout.shape, layout.dtype, path, offset)
     whole = _stored(header, 1, axes.sizes[::-1], layout.dtype, path, offset)
@@ -279,7 +187,7 @@ def _frames(header: _Header, axes: _Axes, layout: Layout, path: Path, offset: in
 
 
 def _stored(  # noqa: PLR0917 - what a stream is, in the order of `RawFrames`
-    header: _Header, count: int, shape: tuple[int, ...], dtype: np.dtype[Any], path: Path, offset: int
+    header: Header, count: int, shape: tuple[int, ...], dtype: np.dtype[Any], path: Path, offset: int
 ) -> Frames:
     encoding = header.need("encoding").lower()
     if encoding == "raw":
@@ -307,7 +215,7 @@ class _Interleaved(Frames):
         return np.asarray(self._decoded[index]).reshape(self.shape)
 
 
-def _index_times(header: _Header, axes: _Axes, count: int) -> Array | None:
+def _index_times(header: Header, axes: _Axes, count: int) -> Array | None:
     """The times of a Slicer sequence, which keeps them as the index values of its list axis."""
     key = f"axis {axes.list} index values"
     if key not in header.pairs or "Timestamp" in header.items.columns:
@@ -326,8 +234,14 @@ def _index_times(header: _Header, axes: _Axes, count: int) -> Array | None:
     return times
 
 
-def _whole(header: _Header, key: str, default: str | None = None) -> tuple[int, ...]:
-    text = header.need(key) if default is None else header.fields.get(key, default)
-    if not all(re.fullmatch(r"[+-]?\d{1,18}", word) for word in text.split()):
-        raise FormatError(f"{header.name}: {key} {text[:60]!r} is not of whole numbers")
-    return tuple(int(word) for word in text.split())
+FORMAT = Format(
+    name="PLUS and Slicer NRRD sequence, NRRD image",
+    kind="recording",
+    suffixes=(".nrrd", ".nhdr"),
+    sniff=lambda head: head.content.startswith(b"NRRD"),
+    read=read_nrrd,
+    holds="raw and gzip; list axis last or (older Slicer) first; a single slice is an image; a volume without "
+    "fields of items is one frame",
+    write=write_nrrd,
+    writes=(".nrrd",),
+)

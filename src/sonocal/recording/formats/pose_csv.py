@@ -21,26 +21,24 @@ import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_text
+from sonocal.files.kinds import TABLE_SUFFIXES, Format
 from sonocal.files.tables import (
     Table,
     parse_table,
 )
 from sonocal.geometry import Array
-from sonocal.recording.formats.motive import (
-    is_motive,
-    read_motive_text,
-)
-from sonocal.recording.formats.sequence_fields import TRANSFORM
+from sonocal.recording.formats.parts.sequence_fields import TRANSFORM
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
 
-__all__ = ["TIME_COLUMNS", "read_pose_csv"]
+__all__ = ["FORMAT", "TIME_COLUMNS", "read_pose_csv"]
 
 TIME_COLUMNS = ("Timestamp", "timestamp", "time_s", "Time (Seconds)", "time", "t")
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 MATRIX = tuple(f"m{i}{j}" for i in range(4) for j in range(4))
 NO_TOOL = "Tool"
+POSE_COLUMN = re.compile(rf"(.*_)?(qw|m00)|{TRANSFORM.pattern}")
 
 
 def read_pose_csv(path: Path) -> Recording:
@@ -50,10 +48,7 @@ def read_pose_csv(path: Path) -> Recording:
         FormatError: the file is not CSV, or no table of poses.
         InputError: a cell is wrong; the sentence names file, line and column.
     """
-    text = read_text(path, "a table of poses")
-    if is_motive(text):
-        return read_motive_text(path, text)
-    table = parse_table(path.name, text)
+    table = parse_table(path.name, read_text(path, "a table of poses"))
     table.need_rows("write one row an instant")
     poses = by_name(_tools(table), path.name)
     if not poses:
@@ -148,3 +143,14 @@ def _with_status(table: Table, poses: Poses, column: str) -> Poses:
     status = tuple(map(str, table.text(column)))
     good = np.array([text in ("OK", "ok", "1", "true", "True") for text in status])
     return Poses(poses.source, poses.target, poses.matrices, poses.valid & good, status)
+
+
+FORMAT = Format(
+    name="CSV of poses",
+    kind="recording",
+    suffixes=TABLE_SUFFIXES,
+    header="columns such as Probe_qw, Probe_m00 or ProbeToTrackerTransform",
+    sniff=lambda head: any(POSE_COLUMN.fullmatch(column) for column in head.columns),
+    read=read_pose_csv,
+    holds="a 4 x 4 matrix in one cell or in columns, or quaternion and place",
+)

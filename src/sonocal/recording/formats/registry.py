@@ -1,33 +1,32 @@
-"""Any recording that sonocal reads, by what is in the file rather than by its name."""
+"""Any recording that sonocal reads or writes: the list of formats, and the two functions that choose from it.
+
+A new format is a file beside this one that ends with its `FORMAT`, and a line in `FORMATS`.
+"""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
-from sonocal.files import read_at
-from sonocal.recording.formats.dicom import read_dicom
-from sonocal.recording.formats.image_folder import (
-    STAMPS,
-    is_image,
-    read_image_file,
-    read_image_folder,
-)
-from sonocal.recording.formats.metaio import read_metaio
-from sonocal.recording.formats.metaio_write import write_metaio
-from sonocal.recording.formats.nrrd import read_nrrd
-from sonocal.recording.formats.nrrd_write import write_nrrd
-from sonocal.recording.formats.pose_csv import read_pose_csv
-from sonocal.recording.formats.video import read_video
+from sonocal.files.kinds import Format, Head, recognise, suffixes_of
+from sonocal.recording.formats import dicom, image, image_folder, metaio, motive, nrrd, pose_csv, video
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
 
-__all__ = ["read_recording", "write_recording"]
+__all__ = ["FORMATS", "read_recording", "write_recording"]
 
-HEAD = 4096
-KNOWN = ".mha, .mhd, .nrrd, .nhdr, .csv, .mp4, .dcm, .png, or a folder of images"
+# In the order of the documentation. What no format claims by its content goes to the first that its name fits.
+FORMATS: tuple[Format, ...] = (
+    metaio.FORMAT,
+    nrrd.FORMAT,
+    pose_csv.FORMAT,
+    motive.FORMAT,
+    video.FORMAT,
+    dicom.FORMAT,
+    image.FORMAT,
+    image_folder.FORMAT,
+)
 
 
 def read_recording(
@@ -52,11 +51,14 @@ def read_recording(
         UnsupportedError: it is a kind of file that sonocal does not read.
     """
     path = Path(path)
-    images = read_image_folder(path) if path.is_dir() else _read_file(path)
-    tracker = Path(poses) if poses is not None else _poses_beside(path)
+    found = _recognised(path)
+    images: Recording = found.read(path)
+    tracker = Path(poses) if poses is not None else _poses_beside(path, found)
     if tracker is None:
         return with_latency(images, latency_s, on_invalid=on_invalid)
-    return join(images, _read_file(tracker), latency_s, on_invalid=on_invalid)
+    if tracker.is_dir():
+        raise InputError(f"{tracker}: is a directory; name the table of poses in it")
+    return join(images, _recognised(tracker).read(tracker), latency_s, on_invalid=on_invalid)
 
 
 def write_recording(recording: Recording, path: str | Path, compress: bool = True) -> None:
@@ -65,52 +67,40 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     Raises:
         UnsupportedError: the name ends otherwise.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix in (".mha", ".mhd"):
-        write_metaio(recording, path, compress)
-    elif suffix == ".nrrd":
-        write_nrrd(recording, path, compress)
-    else:
-        raise UnsupportedError(
-            f"{path}: recordings are written as .mha, .mhd or .nrrd; choose one of these names"
-        )
+    path = Path(path)
+    for one in FORMATS:
+        if one.write is not None and path.suffix.lower() in one.writes:
+            one.write(recording, path, compress)
+            return
+    *most, last = (suffix for one in FORMATS for suffix in one.writes)
+    raise UnsupportedError(
+        f"{path}: recordings are written as {', '.join(most)} or {last}; choose one of these names"
+    )
 
 
-def _read_file(path: Path) -> Recording:
-    head = read_at(path, 0, HEAD)
-    if not head.strip():
+def _recognised(path: Path) -> Format:
+    head = Head.of(path)
+    if not path.is_dir() and not head.content.strip():
         raise InputError(f"{path.name}: is empty; record it again")
-    if head.startswith(b"NRRD"):
-        return read_nrrd(path)
-    if head[128:132] == b"DICM":
-        return read_dicom(path)
-    if head[4:8] == b"ftyp" or head.startswith((b"\x1a\x45\xdf\xa3", b"RIFF")):
-        return read_video(path)
-    if is_image(head):
-        return read_image_file(path)
-    return _read_text_file(path, head)
-
-
-def _read_text_file(path: Path, head: bytes) -> Recording:
-    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
-    if start.startswith(b"<"):
+    found = recognise(head, FORMATS)
+    if found is None and head.text.startswith(b"<"):
         raise UnsupportedError(
             f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines"
         )
-    if path.suffix.lower() in (".mha", ".mhd") or re.match(rb"\w+[ \t]*=", start):
-        return read_metaio(path)
-    if path.suffix.lower() in (".csv", ".txt") or start.startswith(b"Format Version"):
-        return read_pose_csv(path)
-    raise UnsupportedError(f"{path.name}: is not a recording that sonocal reads; it reads {KNOWN}")
+    if found is None:
+        raise UnsupportedError(
+            f"{path.name}: is {head.looks_like} and not a recording that sonocal reads; it reads "
+            f"{suffixes_of(FORMATS)}, or a folder of images"
+        )
+    return found
 
 
-def _poses_beside(path: Path) -> Path | None:
-    if path.is_dir():
-        tables = [p for p in sorted(path.glob("*.csv")) if p.name != STAMPS]
+def _poses_beside(path: Path, found: Format) -> Path | None:
+    if found is image_folder.FORMAT:
+        tables = [p for p in sorted(path.glob("*.csv")) if p.name != image_folder.STAMPS]
         if len(tables) > 1:
             names = ", ".join(p.name for p in tables)
             raise InputError(f"{path.resolve().name}: holds several tables ({names}); name the poses' one")
         return tables[0] if tables else None
     table = path.with_suffix(".csv")
-    video = path.suffix.lower() in (".mp4", ".mkv", ".avi", ".mov")
-    return table if video and table.is_file() else None
+    return table if found is video.FORMAT and table.is_file() else None

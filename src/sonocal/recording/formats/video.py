@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from sonocal.errors import FormatError, UnsupportedError
+from sonocal.errors import FormatError
 from sonocal.files import file_size
+from sonocal.files.kinds import Format, Head
 from sonocal.geometry import Array
+from sonocal.recording.formats.parts.packages import needed
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 
-__all__ = ["read_video"]
+__all__ = ["FORMAT", "read_video"]
 
 
 def read_video(path: Path) -> Recording:
@@ -133,10 +135,24 @@ class _Guarded:
         )
 
 
+def _sniff(head: Head) -> bool:
+    start = head.content
+    riff = start.startswith(b"RIFF") and start[8:12] == b"AVI "
+    return riff or start[4:8] == b"ftyp" or start.startswith(b"\x1a\x45\xdf\xa3")
+
+
 def _pyav(path: Path) -> Any:
-    try:
-        import av
-    except ImportError:
-        raise UnsupportedError(f"{path.name}: videos need PyAV; pip install 'sonocal[io]'") from None
+    av = needed("av", path, "videos need PyAV")
     av.logging.set_level(None)
     return av
+
+
+FORMAT = Format(
+    name="video",
+    kind="recording",
+    suffixes=(".mp4", ".mkv", ".avi", ".mov"),
+    sniff=_sniff,
+    read=read_video,
+    holds="with the `.csv` of the same name beside it",
+    needs=("av",),
+)

@@ -1,0 +1,168 @@
+"""Every format that sonocal reads, joined from the rooms that read them: for ``info``, ``calibrate`` and the docs.
+
+Recordings list theirs in `sonocal.recording.formats.registry`, targets in `sonocal.targets.formats`. Tables and
+calibrations are listed here, since their rooms are heavy: they are imported when such a file is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sonocal.errors import UnsupportedError
+from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
+from sonocal.recording.formats.registry import FORMATS as RECORDINGS
+from sonocal.targets.formats import FORMATS as TARGETS
+
+if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+    from sonocal.detection import Detections
+    from sonocal.observations import Observations
+    from sonocal.validation import PointSightings
+
+__all__ = ["FORMATS", "format_of", "kind_of", "table"]
+
+
+def format_of(path: Path) -> Format:
+    """The format that a file is in.
+
+    Raises:
+        InputError: it cannot be read.
+        UnsupportedError: it is in none that sonocal reads.
+    """
+    head = Head.of(path)
+    if found := recognise(head, FORMATS):
+        return found
+    raise UnsupportedError(
+        f"{path.name}: is {head.looks_like} in no format that sonocal reads; it reads {_what_is_read()}"
+    )
+
+
+def kind_of(path: Path) -> Kind | None:
+    """What is in a file; None where it is in no format that sonocal reads."""
+    found = recognise(Head.of(path), FORMATS)
+    return None if found is None else found.kind
+
+
+def table() -> str:
+    """The formats as the table of docs/formats.md."""
+    rows = [
+        "| format | files | read as | what of it | written | needs |",
+        "|---|---|---|---|---|---|",
+    ]
+    return "\n".join([*rows, *map(_row, sorted(FORMATS, key=lambda one: one.kind != "recording"))])
+
+
+def _row(one: Format) -> str:
+    files = _quoted(one.suffixes) or "a folder"
+    if one.header:
+        files += f" with {one.header}"
+    return (
+        f"| {one.name} | {files} | {one.kind} | {one.holds} | {_quoted(one.writes)} | {_quoted(one.needs)} |"
+    )
+
+
+def _quoted(words: Iterable[str]) -> str:
+    return ", ".join(f"`{word}`" for word in words)
+
+
+def _what_is_read() -> str:
+    plain = [one for one in FORMATS if not one.header]
+    kinds = dict.fromkeys(one.kind for one in plain)
+    files = [f"{_plural(kind)} ({suffixes_of(one for one in plain if one.kind == kind)})" for kind in kinds]
+    tables = [f"{one.header} ({one.name})" for one in FORMATS if one.header]
+    return f"{', '.join(files)}, folders of images, and tables with {'; '.join(tables)}"
+
+
+def _plural(kind: Kind) -> str:
+    return kind if kind.endswith("s") else f"{kind}s"
+
+
+def _observations(path: Path) -> Observations:
+    from sonocal.observations import read_observations
+
+    return read_observations(path)
+
+
+def _write_observations(observations: Observations, path: Path) -> None:
+    from sonocal.observations import write_observations
+
+    write_observations(observations, path)
+
+
+def _detections(path: Path) -> Detections:
+    from sonocal.detection import read_detections
+
+    return read_detections(path)
+
+
+def _known_points(path: Path) -> PointSightings:
+    from sonocal.validation import read_point_sightings
+
+    return read_point_sightings(path)
+
+
+def _calibration(path: Path) -> Calibration:
+    from sonocal.calibration import load_calibration
+
+    return load_calibration(path)
+
+
+def _write_calibration(calibration: Calibration, path: Path) -> None:
+    calibration.save(path)
+
+
+def _has_known_place(head: Head) -> bool:
+    return not {"x_mm", "probe_00"}.isdisjoint(head.columns)
+
+
+def _is_points(head: Head) -> bool:
+    return "u_px" in head.columns and "x0_mm" not in head.columns
+
+
+TABLES: tuple[Format, ...] = (
+    Format(
+        name="table of sightings",
+        kind="observations",
+        suffixes=TABLE_SUFFIXES,
+        header="the column x0_mm",
+        sniff=lambda head: "x0_mm" in head.columns,
+        read=_observations,
+        holds="points of images against lines, with further columns",
+        write=_write_observations,
+        writes=(".csv",),
+    ),
+    Format(
+        name="points found in images",
+        kind="points",
+        suffixes=TABLE_SUFFIXES,
+        header="the column u_px",
+        sniff=lambda head: _is_points(head) and not _has_known_place(head),
+        read=_detections,
+        holds="for `--points`, with the recording that they were found in",
+    ),
+    Format(
+        name="points whose place is known",
+        kind="known points",
+        suffixes=TABLE_SUFFIXES,
+        header="the columns u_px and x_mm or probe_00",
+        sniff=lambda head: _is_points(head) and _has_known_place(head),
+        read=_known_points,
+        holds="for `sonocal validate --crosswire`",
+    ),
+)
+CALIBRATIONS: tuple[Format, ...] = (
+    Format(
+        name="calibration",
+        kind="calibration",
+        suffixes=(".json",),
+        sniff=lambda head: head.text.startswith(b"{"),
+        read=_calibration,
+        holds="all that `sonocal calibrate` found",
+        write=_write_calibration,
+        writes=(".json",),
+    ),
+)
+# Tables of sightings come before tables of poses: their further columns are free.
+FORMATS: tuple[Format, ...] = (*TABLES, *TARGETS, *CALIBRATIONS, *RECORDINGS)

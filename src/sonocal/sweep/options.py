@@ -1,0 +1,157 @@
+"""How to calibrate from a recording: every option, checked before the first image is decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.calibration.options import Keywords as CalibrationKeywords
+from sonocal.calibration.options import Options as CalibrationOptions
+from sonocal.detection.options import Centre, DetectionOptions, check_detection_options
+from sonocal.errors import InputError
+from sonocal.recording import Recording
+from sonocal.recording.poses import OnInvalid
+from sonocal.sweep.tabulate import Fixed, Posing, check_posing
+from sonocal.targets import Line
+
+__all__ = [
+    "Keywords",
+    "Options",
+    "PointsKeywords",
+    "PointsOptions",
+    "of_calibrate",
+    "refuse_splits",
+    "telling_threshold_mm",
+]
+
+THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
+SPACING_SHARE = 0.2
+"""Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
+LINE_SAMPLES = 64
+
+
+class PointsKeywords(CalibrationKeywords, total=False):
+    """The options of given points as keywords of `calibrate_points`, which says what each means."""
+
+    probe: str
+    fixed: Fixed
+    on_invalid: OnInvalid
+
+
+class Keywords(PointsKeywords, total=False):
+    """The options as keywords of `calibrate_recording`, which says what each means."""
+
+    count: int | None
+    mask: NDArray[np.bool_] | None
+    centre: Centre | None
+    second_look: bool
+
+
+@dataclass(frozen=True)
+class PointsOptions(CalibrationOptions):
+    """How to calibrate from a recording and points given in its images: further options than `sonocal.calibrate` has.
+
+    Attributes:
+        probe: the tool that the probe's marker is called.
+        fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
+        on_invalid: what to do with poses marked valid that are not rigid: "raise" or "skip".
+    """
+
+    probe: str = "Probe"
+    fixed: Fixed = field(default=None, compare=False)
+    on_invalid: OnInvalid = "raise"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_posing(self.probe, self.fixed, self.on_invalid)
+        refuse_splits(self, "a recording has no splits")
+
+    @classmethod
+    def for_recording(cls, recording: Recording, **keywords: Any) -> Self:
+        """The options that keywords ask for, with errors predicted at the corners of the recording's images.
+
+        Raises:
+            InputError: an option does not exist or means nothing.
+        """
+        if recording.image is not None and keywords.get("image_size_px") is None:
+            keywords["image_size_px"] = recording.image.size_px
+        return cls.of(**keywords)
+
+    @property
+    def posing(self) -> Posing:
+        """How lines come into the probe marker's frame."""
+        return Posing(self.probe, self.fixed, self.on_invalid)
+
+
+@dataclass(frozen=True)
+class Options(PointsOptions):
+    """How to calibrate from a recording: further options than `PointsOptions` has.
+
+    Attributes:
+        threshold_mm: candidates further than this from their needle are wrong, rows further from their line outliers;
+            "auto": rows further than 3.3 standard deviations of the chosen rows' noise.
+        count: candidates an image; default: 5, and 3 in a volume.
+        mask: (rows, columns): where to look; default: found from the recording.
+        centre: "head" (the default) or "mass", see `DetectionOptions`.
+        second_look: look again near where the calibrated needle must be.
+    """
+
+    count: int | None = None
+    mask: NDArray[np.bool_] | None = field(default=None, compare=False)
+    centre: Centre | None = None
+    second_look: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_detection_options(self.count, self.mask, self.centre)
+        if not isinstance(self.second_look, (bool, np.bool_)):
+            raise InputError(f"second_look must be True or False; got {self.second_look!r}")
+
+    @classmethod
+    def for_lines(cls, recording: Recording, lines: Sequence[Line], **keywords: Any) -> Self:
+        """As `for_recording`; without a threshold, that which tells the lines apart."""
+        if keywords.get("threshold_mm") is None:
+            keywords["threshold_mm"] = telling_threshold_mm(lines)
+        return cls.for_recording(recording, **keywords)
+
+    @property
+    def detection(self) -> DetectionOptions:
+        """What to look for in the images."""
+        return DetectionOptions(self.count, self.mask, self.centre)
+
+
+def refuse_splits(options: CalibrationOptions, why: str) -> None:
+    """Refuse what chooses among the rows of a table.
+
+    Raises:
+        InputError: a split was asked for.
+    """
+    for name in ("fit_split", "test_split"):
+        if getattr(options, name) is not None:
+            raise InputError(f"{name} is for tables; {why}, leave it out")
+
+
+def of_calibrate(options: CalibrationOptions, **changes: Any) -> dict[str, Any]:
+    """The keywords of `sonocal.calibrate` that options hold, some of them changed."""
+    own = {one.name: getattr(options, one.name) for one in fields(CalibrationOptions)}
+    return own | changes
+
+
+def telling_threshold_mm(lines: Sequence[Line]) -> float:
+    """Millimetres within which a candidate belongs to one line and not to its neighbour.
+
+    5, or a fifth of the distance between lines of one frame, so that they are not taken for one another.
+    """
+    steps = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
+    sampled = [line.segment_mm[0] + steps * (line.segment_mm[1] - line.segment_mm[0]) for line in lines]
+    apart = [
+        float(np.linalg.norm(sampled[i][:, None] - sampled[j], axis=-1).min())
+        for i in range(len(lines))
+        for j in range(i)
+        if lines[i].frame == lines[j].frame
+    ]
+    return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_THRESHOLD_MM, THRESHOLD_MM))

@@ -1,0 +1,36 @@
+"""The formats that targets are read from, and what a calibration reads of any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from sonocal.errors import InputError
+from sonocal.files.kinds import Format, Head, recognise
+from sonocal.geometry import Array
+from sonocal.targets import device_set, toml_file
+from sonocal.targets.lines import Line
+
+__all__ = ["FORMATS", "read_lines"]
+
+FORMATS: tuple[Format, ...] = (toml_file.FORMAT, device_set.FORMAT)
+
+
+def read_lines(path: str | Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, str], Array]]:
+    """Needles and wires from a ``.toml`` or from a PLUS device set.
+
+    Returns:
+        The lines, and the constant transforms that come with them (none with a ``.toml``).
+
+    Raises:
+        InputError: the file holds no line.
+    """
+    path = Path(path)
+    if recognise(Head.of(path), FORMATS) is not device_set.FORMAT:
+        return toml_file.read_lines_toml(path), {}
+    devices = device_set.read_device_set(path)
+    if not devices.wires:
+        raise InputError(
+            f"{path.name}: describes no phantom wires; name a device set with a PhantomDefinition"
+        )
+    return devices.wires, devices.transforms

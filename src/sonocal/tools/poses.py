@@ -1,0 +1,84 @@
+"""What the poses of a tool can tell: enough of them, rigid, and turned enough about every axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sonocal.errors import DegenerateGeometryError, InputError
+from sonocal.geometry import Array
+from sonocal.recording.poses import RIGID_TOLERANCE, rigidity_error
+
+__all__ = [
+    "LEAST_POSES",
+    "LEAST_SPREAD_DEG",
+    "checked_poses",
+    "refuse_little_tilt",
+    "refuse_still",
+    "rotation_spread_deg",
+]
+
+LEAST_POSES = 10
+# Spread of the tool's directions about the axis it turned most around, degrees rms. Below it the tip cannot be
+# told from its neighbours along that axis.
+LEAST_SPREAD_DEG = 2.0
+STILL_DEG = 1.0
+
+
+def checked_poses(poses: ArrayLike, valid: ArrayLike | None, source: str) -> tuple[Array, NDArray[np.bool_]]:
+    """The poses as an array, and which of them to use; refuses too few and those that are not rigid."""
+    array = np.asarray(poses, dtype=float)
+    if array.ndim != 3 or array.shape[1:] != (4, 4):
+        raise InputError(f"{source}: poses must have shape (N, 4, 4); got {array.shape}")
+    used = np.isfinite(array).all(axis=(1, 2))
+    if valid is not None:
+        used &= np.asarray(valid, dtype=bool)
+    if used.sum() < LEAST_POSES:
+        raise InputError(
+            f"{source}: has {used.sum()} valid poses; a tool calibration needs {LEAST_POSES}, better 200"
+        )
+    bent = used & ~(rigidity_error(array) <= RIGID_TOLERANCE)
+    if bent.any():
+        i = int(np.flatnonzero(bent)[0])
+        raise InputError(
+            f"{source}, frame {i}: its pose is not rigid (det R = {np.linalg.det(array[i, :3, :3]):.3g}); "
+            "drop such frames with --on-invalid skip"
+        )
+    return array, used
+
+
+def rotation_spread_deg(rotations: Array) -> float:
+    """Rms angle by which the tool's axes moved about the direction in which they moved least, degrees.
+
+    Zero for a still tool, and for one that turned about a single axis only. It is the square root of the
+    smallest eigenvalue of ``I - M^T M``, M the mean rotation: what the poses tell of the tip.
+    """
+    return float(np.degrees(np.sqrt(_tip_information(rotations)[0][0])))
+
+
+def refuse_still(rotations: Array, source: str) -> None:
+    """Refuse a tool that did not turn, for which any tip fits."""
+    turned = float(np.degrees(np.sqrt(_tip_information(rotations)[0][2])))
+    if turned < STILL_DEG:
+        raise DegenerateGeometryError(
+            f"{source}: the tool hardly turned ({turned:.2f} deg rms), so any tip fits; "
+            "rest the tip in a divot and tilt the tool by 30 deg or more, to all sides",
+            "still",
+        )
+
+
+def refuse_little_tilt(rotations: Array, spread: float, source: str) -> None:
+    """Refuse a tool that turned about one axis only, along which its tip is free."""
+    if spread < LEAST_SPREAD_DEG:
+        axis = ", ".join(f"{x:.2f}" for x in _tip_information(rotations)[1][:, 0])
+        raise DegenerateGeometryError(
+            f"{source}: the tool turned about one axis only ({spread:.2f} deg rms across it), so the tip is free along "
+            f"({axis}) of its marker; tilt it by 30 deg or more, to all sides",
+            "little-tilt",
+        )
+
+
+def _tip_information(rotations: Array) -> tuple[Array, Array]:
+    mean = rotations.mean(axis=0)
+    values, vectors = np.linalg.eigh(np.eye(3) - mean.T @ mean)
+    return np.clip(values, 0.0, None), vectors

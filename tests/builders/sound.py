@@ -1,0 +1,149 @@
+"""Sound small files of every format of the registry: what its laws and the fuzzers start from."""
+
+import io
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+import sonocal as sc
+from sonocal.calibration import calibration_json
+from sonocal.observations import observations_csv
+from sonocal.recording.formats import write_recording
+from sonocal.simulation.scene import simulate_observations
+from tests.builders.pictures import dicom_file, images
+from tests.builders.recordings import random_poses, random_recording
+from tests.builders.tables import matrices_in, motive
+from tests.builders.targets import LINE, PHANTOM, POINT
+
+KNOWN_POINTS = b"u_px,v_px,x_mm,y_mm,z_mm,target\n1,2,3,4,5,a\n6,7,8,9,1,a\n"
+TRACKED_POINTS = (
+    ",".join(["u_px", "v_px", *(f"probe_{i}{j}" for i in range(3) for j in range(4))])
+    + "\n1,2,1,0,0,5,0,1,0,6,0,0,1,7\n8,9,1,0,0,5,0,1,0,6,0,0,1,8\n"
+).encode()
+
+
+@lru_cache
+def some_calibration():
+    return sc.calibrate(simulate_observations(2, 12, seed=1).observations)
+
+
+def sequences(*suffixes):
+    def make(folder):
+        small = random_recording(0, n=3, size=(5, 4))
+        kinds = {
+            "zlib": (small, {}),
+            "raw": (small, {"compress": False}),
+            "tracker": (random_recording(0, n=3, size=None), {}),
+            "volumes": (random_recording(0, n=2, size=(3, 2, 2), channels=3), {}),
+            "shorts": (random_recording(0, n=2, size=(3, 2), dtype="int16", orientation="MN"), {}),
+        }
+        for suffix in suffixes:
+            for name, (recording, how) in kinds.items():
+                write_recording(recording, folder / f"{name}{suffix}", **how)
+        return [folder / f"{name}{suffix}" for suffix in suffixes for name in kinds]
+
+    return make
+
+
+def pose_tables(folder):
+    matrices = random_poses(np.random.default_rng(0), 12)
+    forms = ("cells", "matrix", "quaternion")
+    for form in forms:
+        matrices_in(form, folder / f"{form}.csv", matrices)
+    return [folder / f"{form}.csv" for form in forms]
+
+
+def motive_tables(folder):
+    motive(folder / "motive.csv", random_poses(np.random.default_rng(0), 12), blank=(2,))
+    return [folder / "motive.csv"]
+
+
+def dicoms(folder):
+    dicom_file(folder / "a.dcm", images((3, 4, 5)), FrameTime="50")
+    return [folder / "a.dcm"]
+
+
+def pictures(folder):
+    pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    forms = ("png", "tiff", "bmp", "jpeg")
+    for form in forms:
+        pillow.fromarray(images((1, 6, 8))[0]).save(folder / f"a.{form}", format=form)
+    return [folder / f"a.{form}" for form in forms]
+
+
+def videos(folder):
+    av = pytest.importorskip("av", reason="PyAV is not installed")
+    forms = {"mp4": "mpeg4", "mov": "mpeg4", "avi": "mpeg4", "matroska": "mpeg4"}
+    made = []
+    for form, codec in forms.items():
+        content = io.BytesIO()
+        with av.open(content, "w", format=form) as container:
+            stream = container.add_stream(codec, rate=10)
+            stream.width, stream.height, stream.pix_fmt = 32, 16, "yuv420p"
+            for i in range(3):
+                frame = av.VideoFrame.from_ndarray(np.full((16, 32, 3), 9 * i, np.uint8))
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+        made.append(folder / f"a.{'mkv' if form == 'matroska' else form}")
+        made[-1].write_bytes(content.getvalue())
+    return made
+
+
+def folders(folder):
+    (folder / "images").mkdir()
+    pictures(folder / "images")[0].rename(folder / "images" / "0.png")
+    for other in ("a.tiff", "a.bmp", "a.jpeg"):
+        (folder / "images" / other).unlink()
+    (folder / "dicom").mkdir()
+    dicom_file(folder / "dicom" / "0.dcm", images((4, 5)), AcquisitionTime="000000.25")
+    return [folder / "images", folder / "dicom"]
+
+
+def files(**contents):
+    """Makes files of these contents; an underscore in a name stands for the dot."""
+
+    def make(folder):
+        made = []
+        for name, content in contents.items():
+            made.append(folder / name.replace("_", "."))
+            made[-1].write_bytes(content() if callable(content) else content)
+        return made
+
+    return make
+
+
+def sightings(dimension):
+    return lambda: observations_csv(simulate_observations(dimension, 5, seed=1).observations)
+
+
+SOUND = {
+    "PLUS sequence metafile, MetaIO image": sequences(".mha", ".mhd"),
+    "PLUS and Slicer NRRD sequence, NRRD image": sequences(".nrrd"),
+    "CSV of poses": pose_tables,
+    "OptiTrack Motive CSV": motive_tables,
+    "video": videos,
+    "DICOM": dicoms,
+    "image": pictures,
+    "folder of images or of DICOM files": folders,
+    "table of sightings": files(a_csv=sightings(2), b_csv=sightings(3)),
+    "points found in images": files(a_csv=b"frame,u_px,v_px,sigma_px\n0,10.5,20,0.5\n7,1,2,0.5\n"),
+    "points whose place is known": files(a_csv=KNOWN_POINTS, b_csv=TRACKED_POINTS),
+    "calibration": files(a_json=lambda: calibration_json(some_calibration())),
+    "needles, wires, points of tools": files(
+        a_toml=LINE.encode(), b_toml=POINT.encode(), c_toml=b"# mm\n\n" + (LINE + POINT).encode()
+    ),
+    "PLUS device set": files(
+        a_xml=PHANTOM.encode(), b_xml=b'<?xml version="1.0"?>\n<!-- ours -->\n' + PHANTOM.encode()
+    ),
+}
+
+
+def sound_paths(folder):
+    """Sound files of every format, each format's in a folder of its own: name -> paths."""
+    made = {}
+    for i, (name, make) in enumerate(SOUND.items()):
+        home = folder / str(i)
+        home.mkdir()
+        made[name] = make(home)
+    return made

@@ -1,0 +1,119 @@
+"""Files appear whole or not at all, and nothing outside a folder is named from inside it."""
+
+import hashlib
+import os
+import stat
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sonocal import FormatError, InputError
+from sonocal.files import (
+    beside,
+    digest,
+    file_size,
+    read_at,
+    read_bytes,
+    read_text,
+    write_atomically,
+    write_into_folder,
+    writing,
+)
+
+# As parts of a path, with what climbs out among them.
+PARTS = st.sampled_from(["a", "..", ".", "b.raw", "", "C:", "\\", "/", "...", "a b", "\\\\server", "..a"])
+
+
+@given(content=st.binary(max_size=300), offset=st.integers(0, 400), count=st.integers(0, 400))
+def test_what_is_written_is_read(tmp_path_factory, content, offset, count):
+    path = tmp_path_factory.mktemp("disk") / "file"
+    write_atomically(path, content)
+    assert read_bytes(path) == content
+    assert file_size(path) == len(content)
+    assert read_at(path, offset, count) == content[offset : offset + count]
+    assert digest(path) == hashlib.sha256(content).hexdigest()
+
+
+@given(st.dictionaries(st.sampled_from("abcd"), st.binary(max_size=20)))
+def test_a_folder_has_the_digest_of_its_files_in_order(tmp_path_factory, files):
+    folder = tmp_path_factory.mktemp("disk")
+    write_into_folder(folder / "new" / "deep", files)
+    whole = b"".join(files[name] for name in sorted(files))
+    assert digest(folder / "new" / "deep") == hashlib.sha256(whole).hexdigest()
+
+
+@given(before=st.none() | st.binary(max_size=20), part=st.binary(max_size=20))
+def test_a_failed_writing_leaves_what_was_there(tmp_path_factory, before, part):
+    folder = tmp_path_factory.mktemp("disk")
+    if before is not None:
+        (folder / "file").write_bytes(before)
+    with pytest.raises(RuntimeError), writing(folder / "file") as file:
+        file.write(part)
+        raise RuntimeError
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == ({} if before is None else {"file": before})
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002])
+def test_a_result_has_the_rights_of_any_new_file(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        write_atomically(tmp_path / "file", b"")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o666 & ~mask
+
+
+@given(st.lists(PARTS, min_size=1, max_size=4).map("/".join) | st.text(max_size=8))
+def test_a_data_file_lies_below_its_header(name):
+    """What is let through never leaves the folder, as this system or as Windows would read it."""
+    header = Path("/data/of/someone/a.mhd")
+    try:
+        path = beside(header, name)
+    except FormatError as error:
+        assert "lies outside the header's folder" in str(error)
+        return
+    assert Path(os.path.normpath(path)).is_relative_to(header.parent)
+    assert ".." not in name.replace("\\", "/").split("/")
+    assert not name.startswith(("/", "\\"))
+    assert "\0" not in name
+
+
+@pytest.mark.parametrize("name", ["a.raw", "pixels/a.raw", "a..raw", "..a"])
+def test_names_in_the_folder_are_let_through(name):
+    assert beside(Path("/data/a.mhd"), name) == Path("/data") / name
+
+
+@given(st.text(st.characters(codec="utf-8", exclude_characters="\0\ufeff"), max_size=50), st.booleans())
+def test_text_is_read_with_and_without_a_mark(tmp_path_factory, text, mark):
+    path = tmp_path_factory.mktemp("disk") / "a.txt"
+    path.write_bytes(b"\xef\xbb\xbf" * mark + text.encode())
+    assert read_text(path, "a note") == text
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"ab\xff", "a.txt: byte 2 is not UTF-8; a note is UTF-8 text"),
+        (b"ab\0", "a.txt: holds a zero byte; a note is UTF-8 text"),
+        (b"x" * 11, "a.txt: holds 11 bytes, more than the 10 of a note; is it the right file?"),
+    ],
+)
+def test_what_is_no_text_is_refused(tmp_path, content, sentence):
+    (tmp_path / "a.txt").write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_text(tmp_path / "a.txt", "a note", limit=10)
+    assert str(caught.value) == sentence
+
+
+def test_a_place_that_cannot_be_written_is_said(tmp_path):
+    with pytest.raises(
+        InputError, match=r"cannot be written \(No such file or directory\); choose another place"
+    ):
+        write_atomically(tmp_path / "no" / "file", b"")
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(InputError, match="cannot be made a folder"):
+        write_into_folder(tmp_path / "file", {"a": b""})
+    with pytest.raises(InputError, match="is a directory; name the file in it"):
+        read_bytes(tmp_path)

@@ -1,0 +1,156 @@
+"""Poses in tables."""
+
+import csv
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sonocal import InputError
+from sonocal.recording.formats import read_recording, write_recording
+from tests.builders.recordings import random_poses
+from tests.builders.tables import TIMES, N, matrices_in, motive, write_table
+
+
+@pytest.mark.parametrize("form", ["cells", "matrix", "quaternion", "metres", "motive m", "motive mm"])
+def test_every_form_gives_the_same_poses(tmp_path, form):
+    matrices = random_poses(np.random.default_rng(0), N)
+    path = tmp_path / "poses.csv"
+    if form.startswith("motive"):
+        motive(path, matrices, "Meters" if form.endswith(" m") else "Millimeters", blank=(3, 4))
+    else:
+        matrices_in(form, path, matrices, blank=(3, 4))
+    recording = read_recording(path)
+    needle = recording.poses["tracker_from_needle"]
+    seen = ~np.isin(np.arange(N), (3, 4))
+    np.testing.assert_array_equal(needle.valid, seen)
+    np.testing.assert_allclose(needle.matrices[seen], matrices[seen], atol=1e-9)
+    np.testing.assert_array_equal(recording.times, TIMES)
+    assert len(recording.frames) == 0
+
+
+def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
+    write_table(tmp_path / "a.csv", ["t", "qw", "qx", "qy", "qz", "x", "y", "z"], [[0, 0, 1, 0, 0, 1, 2, 3]])
+    (tool,) = read_recording(tmp_path / "a.csv").poses.values()
+    np.testing.assert_array_equal(
+        tool.matrices[0], [[1, 0, 0, 1], [0, -1, 0, 2], [0, 0, -1, 3], [0, 0, 0, 1]]
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (
+            "a,b\n1,2\n",
+            "a.csv: has no columns of poses; name them ProbeToTrackerTransform, Probe_m00 to Probe_m33, or "
+            "Probe_qw, Probe_qx, Probe_qy, Probe_qz, Probe_x, Probe_y, Probe_z",
+        ),
+        (
+            "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,zero,1,2,3\n",
+            "a.csv, line 2, column qz: 'zero' is not a number; write a decimal number such as 12.5",
+        ),
+        ("t,qw,qx,qy,qz,x,y\n0,1,0,0,0,1,2\n", "a.csv, line 1: lacks the column z beside x"),
+        (
+            "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,1,1,2,3\n",
+            "a.csv, row 0: the quaternion of Tool has length 1.41 where 1 is due; check the order of its columns",
+        ),
+        (
+            "t,ProbeToTrackerTransform\n0,1 2 3\n",
+            "a.csv, line 2, column ProbeToTrackerTransform: '1 2 3' is not 16 numbers",
+        ),
+        ("t,qw\n0\n", "a.csv, line 2: has 1 cells where the header has 2; quote cells that hold a comma"),
+        ("t,qw\n", "a.csv: has a header but no rows; write one row an instant"),
+        ("nan,qw\n0,1\n", "a.csv, line 1: lacks the column qx beside qw"),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path, text, sentence):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "a.csv")
+    assert str(caught.value) == sentence
+
+
+SEEDS = st.integers(0, 2**32)
+FORMS = ("cells", "matrix", "quaternion", "metres")
+
+
+@st.composite
+def spellings(draw):
+    """How a program may spell one and the same table: order of columns, quotes, line ends, a mark, blank lines."""
+    return {
+        "order": draw(st.randoms(use_true_random=False)),
+        "quoting": draw(st.sampled_from([csv.QUOTE_MINIMAL, csv.QUOTE_ALL])),
+        "end": draw(st.sampled_from(["\n", "\r\n"])),
+        "mark": draw(st.sampled_from(["", "\ufeff"])),
+        "blank": draw(st.booleans()),
+    }
+
+
+def respelt(path, how):
+    """The same table, written by another program."""
+    header, *rows = csv.reader(path.read_text().splitlines())
+    order = list(range(len(header)))
+    how["order"].shuffle(order)
+    table = [[row[i] for i in order] for row in (header, *rows)]
+    if how["blank"]:
+        table.insert(2, [])
+    with path.open("w", newline="") as file:
+        file.write(how["mark"])
+        csv.writer(file, quoting=how["quoting"], lineterminator=how["end"]).writerows(table)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@given(seed=SEEDS, how=spellings(), blank=st.sets(st.integers(0, N - 1)))
+def test_the_spelling_of_a_table_changes_no_bit(tmp_path_factory, form, seed, how, blank):
+    path = tmp_path_factory.mktemp("poses") / "a.csv"
+    matrices_in(form, path, random_poses(np.random.default_rng(seed), N), blank)
+    plain = read_recording(path)
+    respelt(path, how)
+    again = read_recording(path)
+    assert again.poses.keys() == plain.poses.keys()
+    assert again.times.tobytes() == plain.times.tobytes()
+    for name, one in plain.poses.items():
+        assert again.poses[name].matrices.tobytes() == one.matrices.tobytes()
+        assert set(np.flatnonzero(~again.poses[name].valid).tolist()) == blank
+
+
+@pytest.mark.parametrize("form", ["cells", "matrix"])
+@given(seed=SEEDS)
+def test_matrices_come_back_to_the_last_bit(tmp_path_factory, form, seed):
+    path = tmp_path_factory.mktemp("poses") / "a.csv"
+    matrices = random_poses(np.random.default_rng(seed), N)
+    matrices_in(form, path, matrices)
+    assert read_recording(path).poses["tracker_from_needle"].matrices.tobytes() == matrices.tobytes()
+
+
+@pytest.mark.parametrize("form", FORMS)
+@given(seed=SEEDS)
+def test_a_table_and_a_sequence_hold_the_same(tmp_path_factory, form, seed):
+    """Through a file of another format nothing changes."""
+    folder = tmp_path_factory.mktemp("poses")
+    matrices_in(form, folder / "a.csv", random_poses(np.random.default_rng(seed), N), blank=(1,))
+    table = read_recording(folder / "a.csv")
+    for suffix in (".mha", ".nrrd"):
+        write_recording(table, folder / f"a{suffix}")
+        again = read_recording(folder / f"a{suffix}")
+        assert again.times.tobytes() == table.times.tobytes()
+        mine, theirs = table.poses["tracker_from_needle"], again.poses["tracker_from_needle"]
+        assert theirs.matrices.tobytes() == mine.matrices.tobytes()
+        np.testing.assert_array_equal(theirs.valid, mine.valid)
+
+
+@given(
+    seed=SEEDS,
+    status=st.lists(st.sampled_from(["OK", "ok", "1", "true", "INVALID", "", "0"]), min_size=N, max_size=N),
+)
+def test_a_status_other_than_ok_makes_a_pose_invalid(tmp_path_factory, seed, status):
+    path = tmp_path_factory.mktemp("poses") / "a.csv"
+    matrices = random_poses(np.random.default_rng(seed), N)
+    cells = [" ".join(map(repr, one.ravel().tolist())) for one in matrices]
+    header = ["t", "ProbeToReferenceTransform", "ProbeToReferenceTransformStatus"]
+    write_table(path, header, zip(TIMES.tolist(), cells, status, strict=True))
+    probe = read_recording(path).poses["reference_from_probe"]
+    assert probe.valid.tolist() == [text in ("OK", "ok", "1", "true") for text in status]
+    assert probe.status == tuple(status)
+    assert probe.matrices.tobytes() == matrices.tobytes()
