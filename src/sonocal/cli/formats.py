@@ -17,8 +17,8 @@ from sonocal.targets.formats import FORMATS as TARGETS
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
+    from sonocal.detection import Detections
     from sonocal.observations import Observations
-    from sonocal.sweep import Detections
     from sonocal.validation import PointSightings
 
 __all__ = ["FORMATS", "format_of", "kind_of", "table"]

@@ -19,9 +19,9 @@ from sonocal.cli.options import (
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
+    from sonocal.detection import Detections
     from sonocal.files.kinds import Kind
     from sonocal.observations import Observations
-    from sonocal.sweep import Detections
     from sonocal.targets import DeviceSet, Targets
     from sonocal.validation import PointSightings
 
