@@ -150,7 +150,7 @@ def test_a_shadow_dims_what_lies_behind_it_and_nothing_before_or_beside_it(shado
     np.testing.assert_allclose(shaded[top], plain[top], atol=1e-5)
     np.testing.assert_allclose(shaded[:, :30], plain[:, :30], atol=1e-5)
     ratio = shaded[bottom, middle].mean() / plain[bottom, middle].mean()
-    assert ratio == pytest.approx(1 - shadow, abs=0.02)
+    assert ratio == pytest.approx(1 - shadow, abs=0.05)
 
 
 @given(st.sampled_from(sorted(PROBES)), st.integers(0, 100))

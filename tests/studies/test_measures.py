@@ -54,6 +54,15 @@ def test_the_error_at_the_target_is_how_far_its_image_moves(seed, depth, dimensi
     assert errors[ERRORS.index("target_mm")] == pytest.approx(np.linalg.norm((a @ place) - (b @ place)))
 
 
+@given(seeds, st.floats(1e-6, 3.1), st.floats(0, 50))
+def test_a_turn_and_a_shift_are_measured_as_such(seed, angle, shift):
+    truth, axis = random_similarity(seed), random_similarity(seed + 1).rotation[0]
+    found = truth.retract(np.r_[angle * axis, shift * axis, 0])
+    rotation, translation, scale, _ = calibration_errors(Scene(), found.matrix, truth.matrix)
+    np.testing.assert_allclose([np.radians(rotation), translation], [angle, shift], rtol=1e-6, atol=1e-9)
+    assert scale == pytest.approx(0, abs=1e-12)
+
+
 @given(seeds)
 def test_a_failed_trial_is_no_number_and_spoils_no_other(seed):
     a, b = (random_batch([seed, k], (4,)).matrix for k in range(2))
