@@ -20,6 +20,9 @@ inline void require(bool holds, const char* otherwise) {
 
 inline bool usable(double x) { return std::abs(x) <= kLargest; }  // false for NaN, too
 
+// More random samples than an hour could draw.
+constexpr int kMostSamples = 1 << 30;
+
 constexpr int kMostThreads = 1024;
 inline void check_threads(int threads) {
   require(threads >= 1 && threads <= kMostThreads, "threads is not between 1 and 1024");

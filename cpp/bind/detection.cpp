@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kColumns = 9;
 constexpr float kBrightest = 1e30f;
-constexpr int kMostPixels = 1 << 14;
+constexpr int kMostPixels = 1 << 14, kMostBlobs = 1 << 24;
 constexpr std::size_t kMostScales = 64;
 constexpr double kLeastScale = 0.1, kLargestScale = 1000;
 
@@ -23,7 +23,7 @@ Out<double> detect(BlobFilter& filter, In<float, nb::shape<-1, -1>> image, int c
                    double least_contrast, double level, double split, bool first_echo) {
   if (static_cast<int>(image.shape(0)) != filter.rows() || static_cast<int>(image.shape(1)) != filter.cols())
     refuse("the image and the mask differ in shape");
-  require(count >= 0, "count is below 0");
+  require(count >= 0 && count <= kMostBlobs, "count is not between 0 and 2^24");
   const auto finite = [](float x) { return std::abs(x) <= kBrightest; };
   require(std::all_of(image.data(), image.data() + image.size(), finite),
           "the image holds a number that is not finite");

@@ -17,8 +17,8 @@ using namespace sonocal;
 
 namespace {
 
-// More random samples than an hour could draw, and more combinations than could be gone through.
-constexpr int kMostSamples = 1 << 30, kMostCombinations = 1 << 20;
+// More combinations than could be gone through.
+constexpr int kMostCombinations = 1 << 20;
 constexpr double kRotationTolerance = 1e-6;
 
 Model model_named(const std::string& name) {

@@ -83,10 +83,11 @@ std::tuple<Out<double>, Out<double>> run(Points points, Segments segments,
   const Trials trials(points, segments, dimension);
   if (seeds.shape(0) != trials.size()) throw nb::value_error("one seed a trial");
   const Method method{solver_named(solver), likelihood ? Weighting::kLikelihood : Weighting::kGeometric};
+  require(method.solver != Solver::kFourPoints || dimension == 2, "four points are of a 2D image");
   check_numbers(level_px, level_mm, threads);
   require(threshold_mm >= 0, "threshold_mm is not a number from 0 on");
   require(confidence > 0 && confidence < 1, "confidence is not between 0 and 1");
-  require(max_samples > 0, "max_samples is not positive");
+  require(max_samples > 0 && max_samples <= kMostSamples, "max_samples is not between 1 and 2^30");
   Options common;
   common.threshold_mm = threshold_mm;
   common.levels = {level_px, level_mm};
