@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from threading import Lock
 from typing import Literal, overload
 
 __all__ = ["CODES", "PAGE", "REASONS", "REFUSALS", "Diagnostic", "Findings", "anchor_of", "warnings_first"]
@@ -129,7 +130,7 @@ class Findings(Sequence[Diagnostic]):
     def __init__(
         self, found: Iterable[Diagnostic] = (), looks: Iterable[Callable[[], Iterable[Diagnostic]]] = ()
     ) -> None:
-        self._found, self._looks = tuple(found), tuple(looks)
+        self._found, self._looks, self._lock = tuple(found), tuple(looks), Lock()
 
     def with_further(self, findings: Iterable[Diagnostic]) -> Findings:
         """These and others, warnings first, still looked for when one is read."""
@@ -137,10 +138,11 @@ class Findings(Sequence[Diagnostic]):
 
     def read(self) -> tuple[Diagnostic, ...]:
         """All of them."""
-        if self._looks:
-            further = [finding for look in self._looks for finding in look()]
-            self._found, self._looks = warnings_first([*self._found, *further]), ()
-        return self._found
+        with self._lock:
+            if self._looks:
+                further = [finding for look in self._looks for finding in look()]
+                self._found, self._looks = warnings_first([*self._found, *further]), ()
+            return self._found
 
     def __len__(self) -> int:
         return len(self.read())

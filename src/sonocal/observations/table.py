@@ -66,8 +66,9 @@ class Observations:
     sha256: str = ""
 
     def __post_init__(self) -> None:
-        points = np.ascontiguousarray(self.points_px, dtype=float)
-        segments = np.ascontiguousarray(self.segments_mm, dtype=float)
+        # Copies: what happens to the arrays given is no matter of the table's.
+        points = np.array(self.points_px, dtype=float, order="C")
+        segments = np.array(self.segments_mm, dtype=float, order="C")
         if points.ndim != 2 or points.shape[1] not in (2, 3):
             raise InputError(f"{self.source}: points_px must have shape (N, 2) or (N, 3); got {points.shape}")
         count = len(points)
