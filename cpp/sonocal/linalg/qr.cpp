@@ -3,31 +3,11 @@
 #include <limits>
 #include <utility>
 
+#include "sonocal/linalg/reflection.hpp"
 #include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
 namespace {
-
-// H = 1 - tau v v' with v = (1, tail): carries x = (x_0, tail) to (beta, 0). The tail stays where x's was.
-double reflect(double* x, int size) {
-  double tail = 0;
-  for (int i = 1; i < size; ++i) tail += x[i] * x[i];
-  if (tail <= std::numeric_limits<double>::min()) return 0;
-  const double length = std::sqrt(x[0] * x[0] + tail), beta = x[0] >= 0 ? -length : length;
-  const double tau = (beta - x[0]) / beta, inverse = 1.0 / (x[0] - beta);
-  for (int i = 1; i < size; ++i) x[i] *= inverse;
-  x[0] = beta;
-  return tau;
-}
-
-// x becomes H x.
-void apply(const double* v, double tau, double* x, int size) {
-  double along = x[0];
-  for (int i = 1; i < size; ++i) along += v[i] * x[i];
-  along *= tau;
-  x[0] -= along;
-  for (int i = 1; i < size; ++i) x[i] -= along * v[i];
-}
 
 // The column from k on with the greatest norm below row k.
 int greatest_column(const SmallMatrix& a, int k, double& squared_norm) {
@@ -49,12 +29,12 @@ Matrix orthogonal_factor(Matrix a) {
   double tau[kMostSide];
   for (int k = 0; k < steps; ++k) {
     tau[k] = reflect(&a(k, k), rows - k);
-    for (int c = k + 1; c < a.cols(); ++c) apply(&a(k, k), tau[k], &a(k, c), rows - k);
+    for (int c = k + 1; c < a.cols(); ++c) apply_reflection(&a(k, k), tau[k], &a(k, c), rows - k);
   }
   Matrix q(rows, rows);
   q.setIdentity();
   for (int k = steps - 1; k >= 0; --k)
-    for (int c = k; c < rows; ++c) apply(&a(k, k), tau[k], &q(k, c), rows - k);
+    for (int c = k; c < rows; ++c) apply_reflection(&a(k, k), tau[k], &q(k, c), rows - k);
   return q;
 }
 template SmallMatrix orthogonal_factor(SmallMatrix);
@@ -74,8 +54,8 @@ SmallVector least_squares(SmallMatrix a, SmallVector b) {
     std::swap(order[rank], order[pivot]);
     if (pivot != rank) std::swap_ranges(&a(0, rank), &a(0, rank) + rows, &a(0, pivot));
     const double tau = reflect(&a(rank, rank), rows - rank);
-    for (int c = rank + 1; c < columns; ++c) apply(&a(rank, rank), tau, &a(rank, c), rows - rank);
-    apply(&a(rank, rank), tau, &b[rank], rows - rank);
+    for (int c = rank + 1; c < columns; ++c) apply_reflection(&a(rank, rank), tau, &a(rank, c), rows - rank);
+    apply_reflection(&a(rank, rank), tau, &b[rank], rows - rank);
   }
   SmallVector x = SmallVector::Zero(columns);
   for (int k = rank - 1; k >= 0; --k) {

@@ -16,8 +16,8 @@ struct SymmetricEigen {
   SmallVector values;
   SmallMatrix vectors;
 };
-SymmetricEigen symmetric_eigen(const SmallMatrix& a);
-SmallVector symmetric_eigenvalues(const SmallMatrix& a);
+SymmetricEigen symmetric_eigen(SmallMatrix a, bool vectors = true);
+inline SmallVector symmetric_eigenvalues(const SmallMatrix& a) { return symmetric_eigen(a, false).values; }
 
 // Of any square matrix. A real value's vector is its column. Of a conjugate pair, of which the value with the
 // positive imaginary part comes first, the first column is the real part of its vector, the second the

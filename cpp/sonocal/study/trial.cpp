@@ -12,7 +12,7 @@ namespace sonocal {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr int kMostRounds = 20;
+constexpr int kMostRefits = 20;
 constexpr int kFewestRows = 4;  // eight equations for seven parameters
 
 // RANSAC as the paper has it (section 9): hypotheses are compared as they are.
@@ -54,7 +54,7 @@ Transform refined_on_agreeing(const PointLines& rows, const Transform& start, do
   Transform a = start;
   PointLines::Column squares, sorted;
   Eigen::Array<bool, Eigen::Dynamic, 1> before;
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMostRefits; ++round) {
     rows.squared_distances(a, squares);
     double within = limit;
     if ((squares <= limit).count() < kFewestRows) {
