@@ -14,7 +14,9 @@ from sonocal.simulation.scene import simulate_observations
 STEP = [0.03, 0.03, 0.03, 3.0, 3.0, 3.0, 0.03]
 
 
-def scene_rows(seed: int, dimension: int, count: int = 20, **noise: float) -> tuple[PointLineRows, Similarity]:
+def scene_rows(
+    seed: int, dimension: int, count: int = 20, **noise: float
+) -> tuple[PointLineRows, Similarity]:
     """Rows of so many needles, and the truth."""
     scene = simulate_observations(dimension, count, seed=seed, **noise)
     return point_line_rows(scene.observations), scene.probe_from_image

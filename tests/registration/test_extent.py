@@ -84,7 +84,9 @@ def test_a_moved_frame_moves_the_meeting_and_scales_lengths(seed, dimension, uni
 @given(seeds, dimensions)
 def test_neither_the_order_of_rows_nor_of_ends_nor_rows_given_twice_matter(seed, dimension):
     rows, random = scene_rows(seed, dimension)[0], np.random.default_rng(seed)
-    turned = np.where(random.random(len(rows))[:, None, None] < 0.5, rows.segments_mm[:, ::-1], rows.segments_mm)
+    turned = np.where(
+        random.random(len(rows))[:, None, None] < 0.5, rows.segments_mm[:, ::-1], rows.segments_mm
+    )
     other = PointLineRows(rows.points, np.ascontiguousarray(turned), dimension)
     twice = np.repeat(random.permutation(len(rows)), 2)
     for altered in (other, reordered(other, twice)):
@@ -136,7 +138,9 @@ def test_only_chosen_rows_count(seed):
 def test_the_spread_of_directions_is_the_angle_that_they_were_given(seed, angle):
     random = np.random.default_rng(seed)
     turn = random.uniform(0, 2 * np.pi, 400)
-    along = np.column_stack([np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.full(400, np.cos(angle))])
+    along = np.column_stack(
+        [np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.full(400, np.cos(angle))]
+    )
     carried = along @ random_similarity(seed).rotation.T
     rows = PointLineRows(np.zeros((400, 3)), np.stack([0 * carried, carried], axis=1), 2)
     assert direction_spread(rows) == pytest.approx(angle, rel=0.02)

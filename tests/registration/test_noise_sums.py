@@ -42,7 +42,9 @@ def offsets(labels, shift):
 
 
 @given(seeds, dimensions, st.sampled_from(["likelihood", "geometric"]))
-def test_white_residuals_have_the_information_that_the_covariance_is_the_inverse_of(seed, dimension, weighting):
+def test_white_residuals_have_the_information_that_the_covariance_is_the_inverse_of(
+    seed, dimension, weighting
+):
     rows, _ = scene_rows(seed, dimension)
     fit = fitted(rows, weighting=weighting)
     _, jacobian, _, _, _ = whitened(rows, fit)

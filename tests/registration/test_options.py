@@ -38,7 +38,9 @@ def test_a_number_is_one_whatever_its_type(name, value, kind):
 
 
 @given(
-    st.sampled_from(COUNTS), st.integers(1, 1000), st.sampled_from([int, np.int64, np.uint8, np.int16, np.uint64])
+    st.sampled_from(COUNTS),
+    st.integers(1, 1000),
+    st.sampled_from([int, np.int64, np.uint8, np.int16, np.uint64]),
 )
 def test_a_count_is_one_whatever_its_type(name, value, kind):
     value = value % 127 + 1
@@ -48,7 +50,9 @@ def test_a_count_is_one_whatever_its_type(name, value, kind):
 
 
 @pytest.mark.parametrize("name", [*NUMBERS, *COUNTS])
-@pytest.mark.parametrize("value", [True, False, np.True_, "5", [5.0], np.array(5.0), 1j, math.nan, np.float64("nan")])
+@pytest.mark.parametrize(
+    "value", [True, False, np.True_, "5", [5.0], np.array(5.0), 1j, math.nan, np.float64("nan")]
+)
 def test_what_is_no_number_is_refused_with_its_name(name, value):
     with pytest.raises(InputError, match=f"^{name} must be a (positive|whole) number"):
         Options.of(**{name: value})
@@ -70,7 +74,13 @@ def test_the_ends_of_every_range():
     assert Options(seed=2**64 - 1).seed == 2**64 - 1
     assert Options(exhaustive_samples=0, max_samples=1).max_samples == 1
     assert Options(threshold_mm=math.inf).threshold_mm == math.inf  # all rows agree
-    for wrong in ({"max_samples": 0}, {"confidence": 1}, {"confidence": 1.5}, {"sigma_px": math.inf}, {"seed": -1}):
+    for wrong in (
+        {"max_samples": 0},
+        {"confidence": 1},
+        {"confidence": 1.5},
+        {"sigma_px": math.inf},
+        {"seed": -1},
+    ):
         with pytest.raises(InputError, match=f"^{next(iter(wrong))} must be "):
             Options(**wrong)
 

@@ -40,7 +40,9 @@ def by_numpy(residuals, frame):
 @given(seeds, st.floats(0, 0.97))
 def test_it_is_the_integrated_autocorrelation_time(seed, memory):
     residuals, frame = drifting(seed, memory)
-    assert abs(stretch_length(residuals, frame) - by_numpy(residuals, frame)) <= 1  # rounding at a whole number
+    assert (
+        abs(stretch_length(residuals, frame) - by_numpy(residuals, frame)) <= 1
+    )  # rounding at a whole number
 
 
 @given(seeds, st.sampled_from([0.0, 0.8, 0.95]), st.floats(1e-6, 1e6))
