@@ -49,8 +49,9 @@ def options(**changes):
     return _core.Options(**(OPTIONS | changes))
 
 
-def transform(rotation=np.eye(3), translation=np.zeros(3), scales=np.ones(3)):
-    return _core.Transform(rotation, translation, scales)
+def transform(**parts):
+    still = {"rotation": np.eye(3), "translation": np.zeros(3), "scales": np.ones(3)}
+    return _core.Transform(**(still | parts))
 
 
 def codes(*values):
