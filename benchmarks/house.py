@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 from scripts import check_imports
@@ -31,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--recording", action="store_true", help="count the fits of a simulated recording")
     asked = parser.parse_args(arguments)
     rows = [*rooms(), *lengths(), *share_of_tests()]
-    rows += fits_of_a_recording() if asked.recording else []
+    rows += [*fits_of_a_recording(), *fits_of_a_recording(3, 40)] if asked.recording else []
     rows += [speed(dimension) for dimension in (2, 3)] if asked.speed else []
     for what, value, wanted in rows:
         print(f"{what:62s} {value:24s} {wanted}", flush=True)
@@ -54,8 +55,16 @@ def lengths() -> Iterator[tuple[str, str, str]]:
     yield "lines of calibrate() without its docstring", str(lines_without_docstring(main_path)), "<= 45"
     spans = [lines_without_docstring(one) for one in functions]
     yield "lines a function without docstring, Python, median / 95 %", median_and_p95(spans), "<= 8 / 28"
-    files = [len(text(path).splitlines()) for path in (*python_files(), *cpp_files())]
-    yield "lines a file, Python and C++, median / 95 %", median_and_p95(files), "<= 152 / 297"
+    # The bounds are what the tree had when its modules stood in no rooms.
+    for what, paths, bound in (
+        ("Python", python_files(), "152 / 297"),
+        ("Python and C++", [*python_files(), *cpp_files()], "125 / 295"),
+    ):
+        yield f"lines a file, {what}, median / 95 %", median_and_p95(file_lengths(paths)), f"<= {bound}"
+
+
+def file_lengths(paths: Iterable[Path]) -> list[int]:
+    return [len(text(path).splitlines()) for path in paths]
 
 
 def share_of_tests() -> Iterator[tuple[str, str, str]]:
@@ -65,18 +74,21 @@ def share_of_tests() -> Iterator[tuple[str, str, str]]:
     yield "tests' share of the lines that are not blank", f"{100 * tests / (tests + code):.1f} %", ">= 33 %"
 
 
-def fits_of_a_recording() -> Iterator[tuple[str, str, str]]:
+def fits_of_a_recording(dimension: int = 2, frames: int = 120) -> Iterator[tuple[str, str, str]]:
     """How often a simulated recording is calibrated in full, and how often a transform is fitted at all."""
     import sonocal as sc
     from sonocal.calibration.calibrate import calibrate
     from sonocal.registration.best_fit import best_fit
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+    from sonocal.simulation.ultrasound_probe import curvilinear_3d
 
-    sweep = simulate_sweep(options=SweepOptions(frames=120, seed=0))
+    probe = curvilinear_3d(64, 1.8) if dimension == 3 else None
+    sweep = simulate_sweep(probe, options=SweepOptions(frames=frames, rate_hz=8, seed=0))
     with counting(calibrate, best_fit) as calls:
         sc.calibrate_recording(sweep.recording, sweep.lines)
     full, fits = calls["calibrate"], calls["best_fit"]
-    yield "calls of calibrate() for a recording of 120 images", str(full), "as few as needed"
+    images = "volumes" if dimension == 3 else "images"
+    yield f"calls of calibrate() for a recording of {frames} {images}", str(full), "as few as needed"
     yield "fits without covariance and findings, for the same", str(fits - full), ""
 
 
@@ -122,17 +134,21 @@ def counting(*functions: Callable[..., Any]) -> Iterator[Counter[str]]:
 
         return call
 
-    wrapped = {id(function): counted(function) for function in functions}
-    package = [module for name, module in sys.modules.items() if name.partition(".")[0] == "sonocal"]
-    held = [(vars(module), name, value) for module in package for name, value in vars(module).items()]
-    held = [(place, name, value) for place, name, value in held if id(value) in wrapped]
-    for place, name, value in held:
-        place[name] = wrapped[id(value)]
+    stand_ins = {function: counted(function) for function in functions}
+    put_in_place_of(stand_ins)
     try:
         yield calls
-    finally:
-        for place, name, value in held:
-            place[name] = value
+    finally:  # also in modules that were imported meanwhile
+        put_in_place_of({stand_in: function for function, stand_in in stand_ins.items()})
+
+
+def put_in_place_of(others: dict[Callable[..., Any], Callable[..., Any]]) -> None:
+    """Exchanges functions wherever the package's modules hold them."""
+    package = [module for name, module in sys.modules.items() if name.partition(".")[0] == "sonocal"]
+    held = [(vars(module), name, value) for module in package for name, value in vars(module).items()]
+    for place, name, value in held:
+        if isinstance(value, FunctionType) and value in others:
+            place[name] = others[value]
 
 
 def functions_in(path: Path) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:

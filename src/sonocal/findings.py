@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, overload
 
-__all__ = ["CODES", "PAGE", "REASONS", "REFUSALS", "Diagnostic", "anchor_of", "warnings_first"]
+__all__ = ["CODES", "PAGE", "REASONS", "REFUSALS", "Diagnostic", "Findings", "anchor_of", "warnings_first"]
 
 # Where the documentation has a section for each code of the three tables.
 PAGE = "docs/findings.md"
@@ -116,6 +116,55 @@ class Diagnostic:
 def anchor_of(code: str) -> str:
     """The section of the documentation for a code of any of the tables; the page alone for another."""
     return f"{PAGE}#{code}" if code in {*CODES, *REFUSALS, *REASONS} else PAGE
+
+
+class Findings(Sequence[Diagnostic]):
+    """Findings of which some are looked for when one is first read: whoever asks for none waits for none.
+
+    Args:
+        found: what was found already.
+        looks: each is called once, for more; then all stand with warnings first.
+    """
+
+    def __init__(
+        self, found: Iterable[Diagnostic] = (), looks: Iterable[Callable[[], Iterable[Diagnostic]]] = ()
+    ) -> None:
+        self._found, self._looks = tuple(found), tuple(looks)
+
+    def with_further(self, findings: Iterable[Diagnostic]) -> Findings:
+        """These and others, warnings first, still looked for when one is read."""
+        return Findings(looks=(self.__iter__, tuple(findings).__iter__))
+
+    def read(self) -> tuple[Diagnostic, ...]:
+        """All of them."""
+        if self._looks:
+            further = [finding for look in self._looks for finding in look()]
+            self._found, self._looks = warnings_first([*self._found, *further]), ()
+        return self._found
+
+    def __len__(self) -> int:
+        return len(self.read())
+
+    def __iter__(self) -> Iterator[Diagnostic]:
+        return iter(self.read())
+
+    @overload
+    def __getitem__(self, index: int) -> Diagnostic: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Diagnostic, ...]: ...
+    def __getitem__(self, index: int | slice) -> Diagnostic | tuple[Diagnostic, ...]:
+        return self.read()[index]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and self.read() == tuple(other)
+
+    __hash__ = None  # type: ignore[assignment]  # as of any sequence that may still grow
+
+    def __repr__(self) -> str:
+        return repr(self.read())
+
+    def __reduce__(self) -> tuple[type[Findings], tuple[tuple[Diagnostic, ...]]]:
+        return Findings, (self.read(),)
 
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

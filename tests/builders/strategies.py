@@ -24,7 +24,6 @@ SPECIAL = (
         "type",
         "Seq_Frame0000_x",
         "Timestamp",
-        "Orientation",
     ),
     *(
         "two\nlines",

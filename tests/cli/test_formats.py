@@ -236,3 +236,21 @@ def test_folders_are_known_whatever_they_are_called(tmp_path):
         (tmp_path / name).mkdir()
         assert kind_of(tmp_path / name) == "recording"
     np.testing.assert_equal(Head.of(tmp_path / "a").content, b"")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"x = 1\ny = 2\n",
+        b"RIFF\x24\0\0\0WAVEfmt ",
+        b"RIFF\x24\0\0\0WEBPVP8 ",
+        b"BM is how this note begins\n",
+        b"%PDF-1.7\n",
+        b"PK\x03\x04\0\0",
+        b"# [[line]] in a comment only\n",
+        b"frame,target,v_px\n1,2,3\n",
+    ],
+)
+def test_files_of_other_programs_are_in_no_format(tmp_path, content):
+    (tmp_path / "file").write_bytes(content)
+    assert [one.name for one in FORMATS if one.sniff(Head.of(tmp_path / "file"))] == []

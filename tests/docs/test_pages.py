@@ -51,6 +51,16 @@ def test_scripts_that_are_run_exist(page):
         assert (ROOT / name.rstrip(".")).exists(), name
 
 
+def test_functions_stand_in_the_files_that_the_walk_names():
+    text = TEXTS[Path("docs/architecture.md")]
+    named = re.findall(r"`([\w.]+)`\s+(?:\(|in\s+)`(src/[\w/.]+\.py)`", text)
+    assert len(named) > 30
+    for name, path in named:
+        source = (ROOT / path).read_text(encoding="utf-8")
+        for part in name.split("."):
+            assert re.search(rf"^ *(?:def|class) {part}\b", source, flags=re.MULTILINE), f"{name} in {path}"
+
+
 def test_the_table_and_the_picture_of_the_rooms_are_those_that_imports_are_checked_by():
     text = TEXTS[Path("docs/architecture.md")]
     assert draw_rooms.with_table(text) == text, "run python -m docs.draw_rooms"

@@ -131,7 +131,13 @@ def test_every_line_in_the_place_of_another_is_on_a_page():
 
 
 def test_remarks_are_no_part_of_a_command():
-    text = "    sonocal info a.mha   # its faults\n    sonocal tool b \\\n      --tool Needle    the tip\n    name = 1\n"
+    lines = [
+        "sonocal info a.mha   # its faults",
+        "sonocal tool b \\",
+        "  --tool Needle    the tip",
+        "name = 1",
+    ]
+    text = "".join(f"    {line}\n" for line in lines)
     assert commands_in(text) == ["sonocal info a.mha", "sonocal tool b --tool Needle"]
     assert command_of("sonocal study  all") == "sonocal study"
 

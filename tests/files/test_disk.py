@@ -65,7 +65,11 @@ def test_a_result_has_the_rights_of_any_new_file(tmp_path, mask):
     assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o666 & ~mask
 
 
-@given(st.lists(PARTS, min_size=1, max_size=4).map("/".join) | st.text(max_size=8))
+@given(
+    st.lists(PARTS, min_size=1, max_size=4).map("/".join)
+    | st.lists(PARTS, min_size=1, max_size=4).map("\\".join)
+    | st.text(max_size=8)
+)
 def test_a_data_file_lies_below_its_header(name):
     """What is let through never leaves the folder, as this system or as Windows would read it."""
     header = Path("/data/of/someone/a.mhd")
@@ -78,6 +82,14 @@ def test_a_data_file_lies_below_its_header(name):
     assert ".." not in name.replace("\\", "/").split("/")
     assert not name.startswith(("/", "\\"))
     assert "\0" not in name
+
+
+@pytest.mark.parametrize(
+    "name", ["../a", "a/../../b", "..\\a", "a\\..\\b", "/etc/passwd", "C:\\a", "\\\\server\\a", "a\0b"]
+)
+def test_names_that_lead_elsewhere_are_refused(name):
+    with pytest.raises(FormatError, match="lies outside the header's folder"):
+        beside(Path("/data/a.mhd"), name)
 
 
 @pytest.mark.parametrize("name", ["a.raw", "pixels/a.raw", "a..raw", "..a"])

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Unpack
 
 from sonocal.calibration.diagnostics import fit_findings, predicts
-from sonocal.calibration.evidence import evidence_of, set_up_findings
+from sonocal.calibration.evidence import set_up_findings
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
@@ -14,6 +15,7 @@ from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
+from sonocal.findings import Findings
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.ambiguity import rival_of
@@ -99,10 +101,12 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, used)},
     )
 
-    # What to know before use: of the fit, of rows held out that are a surprise, of the set-up.
-    of_fit = fit_findings(
-        mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=(area, used.tolerance_mm)
+    # What to know before use, looked for when it is first read: of the fit, of rows held out that are a surprise, of
+    # the set-up.
+    accepted = (area, used.tolerance_mm)
+    looks = (
+        partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
+        partial(held_out_findings, found, held_out),
+        partial(set_up_findings, found, rows, mapped),
     )
-    of_held_out = held_out_findings(found, held_out)
-    of_set_up = set_up_findings(evidence_of(found, rows, mapped), used)
-    return found.with_findings([*of_fit, *of_held_out, *of_set_up])
+    return replace(found, diagnostics=Findings(looks=looks))

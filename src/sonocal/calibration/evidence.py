@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from sonocal.calibration.options import Options
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import point_line_rows
 from sonocal.findings import Diagnostic
@@ -36,10 +35,13 @@ def evidence_of(
     )
 
 
-def set_up_findings(evidence: Evidence, options: Options) -> tuple[Diagnostic, ...]:
-    """What the checks find, with what the options say of the set-up."""
+def set_up_findings(
+    calibration: Calibration, observations: Observations, mapped: MappedRows
+) -> tuple[Diagnostic, ...]:
+    """What the checks find in the fitted rows, with what the calibration's options say of the set-up."""
+    options = calibration.options
     return check_setup(
-        evidence,
+        evidence_of(calibration, observations, mapped),
         scanner_mm_per_px=options.scanner_mm_per_px,
         expected_rotation=options.expected_rotation,
         marker_above_image=options.marker_above_image,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sig
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
-from sonocal.findings import Diagnostic, warnings_first
+from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array, AxisScaled, Similarity, area_places
 from sonocal.registration.noise import Noise
 from sonocal.registration.options import Model
@@ -41,7 +41,7 @@ class Calibration:
             errors are quoted for.
         fit, test: errors of the fitted and of the held-out rows.
         residuals_mm, inlier: (N,), of the fitted rows in the order given.
-        diagnostics: what to know before use, warnings first.
+        diagnostics: what to know before use, warnings first; of a fresh one, looked for when they are first read.
         latency_s: the tracker's lag behind the image, or None when not estimated.
         options: those it was made with; of the threshold, the mm that "auto" came to.
         provenance: input, options as the file keeps them, and versions.
@@ -56,7 +56,7 @@ class Calibration:
     test: ErrorStatistics | None
     residuals_mm: Array
     inlier: NDArray[np.bool_]
-    diagnostics: tuple[Diagnostic, ...]
+    diagnostics: Sequence[Diagnostic]
     latency_s: float | None = None
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -83,7 +83,8 @@ class Calibration:
 
     def with_findings(self, findings: Iterable[Diagnostic]) -> Calibration:
         """The calibration with further findings, warnings first."""
-        return replace(self, diagnostics=warnings_first([*self.diagnostics, *findings]))
+        known = self.diagnostics if isinstance(self.diagnostics, Findings) else Findings(self.diagnostics)
+        return replace(self, diagnostics=known.with_further(findings))
 
     def predict(self, points_px: ArrayLike) -> tuple[Array, Array]:
         """Where points of the image are, and how well that is known.

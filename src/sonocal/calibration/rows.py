@@ -62,16 +62,16 @@ def _check_sightings(rows: Observations) -> None:
     """A 3D sighting is one needle: two points or more on its image line, one segment."""
     sightings = rows.sightings
     order = np.argsort(sightings, kind="stable")
-    same = sightings[order[1:]] == sightings[order[:-1]]
-    unlike = np.any(rows.segments_mm[order[1:]] != rows.segments_mm[order[:-1]], axis=(1, 2))
-    if np.any(same & unlike):
-        first, second = np.sort(order[np.argmax(same & unlike) + np.arange(2)])
+    segments = rows.segments_mm.reshape(-1, 6)[order]
+    wrong = (sightings[order[1:]] == sightings[order[:-1]]) & (segments[1:] != segments[:-1]).any(axis=1)
+    if wrong.any():
+        first, second = np.sort(order[np.argmax(wrong) + np.arange(2)])
         raise InputError(
             f"{rows.where(second)}: has another segment than {rows.where(first).removeprefix(rows.source + ', ')} "
             f"of the same frame {rows.frame[second]} and target {str(rows.target[second])!r}; points of one needle in "
             "one image share its segment, other needles need another target"
         )
-    if np.sum(np.bincount(sightings) >= 2) < 2:
+    if np.count_nonzero(np.bincount(sightings) >= 2) < 2:
         raise InputError(
             f"{rows.source}: fewer than two sightings have two points; a 3D probe sees a needle as a line, so give "
             "two or more rows with one frame and target, or leave out w_px for a 2D probe"

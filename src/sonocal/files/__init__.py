@@ -1,4 +1,4 @@
-"""Bytes, tables and pictures in files, with every failure turned into one sentence."""
+"""Bytes, tables and pictures in files, with every failure turned into one sentence; what a format says of itself."""
 
 from sonocal.files.disk import (
     beside,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -92,7 +93,7 @@ class Observations:
         """2 for a 2D probe, 3 for a 3D probe."""
         return int(self.points_px.shape[1])
 
-    @property
+    @cached_property
     def sightings(self) -> NDArray[np.int64]:
         """(N,): a number a sighting, counted from 0: rows of one split, frame and target share it."""
         return group_codes(self.split, self.frame, self.target)
@@ -120,6 +121,7 @@ class Observations:
     def with_sound(self, **columns: Any) -> Observations:
         """The table with other columns, which are taken as they are: rows of a sound table are sound."""
         table = copy(self)
+        table.__dict__.pop("sightings", None)  # counted anew
         for name, column in columns.items():
             table._set(name, column)
         return table
@@ -220,15 +222,13 @@ def stacked(tables: Sequence[Observations]) -> Observations:
 
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
-    codes = np.zeros(len(columns[0]), dtype=np.int64)
-    for place, column in enumerate(columns):
+    codes: NDArray[np.int64] | None = None
+    for column in columns:
         if len(column) == 0 or np.all(column == column[0]):
             continue
         count, code = _codes(column)
-        codes = codes * count + code
-        if place > 0:
-            codes = np.unique(codes, return_inverse=True)[1].reshape(-1)
-    return codes
+        codes = code if codes is None else _codes(codes * count + code)[1]
+    return np.zeros(len(columns[0]), dtype=np.int64) if codes is None else codes
 
 
 def _codes(column: NDArray[Any]) -> tuple[int, NDArray[np.int64]]:

@@ -1,4 +1,7 @@
-"""What is scanned: lines and points of tools, from their own file or a PLUS device set."""
+"""What is scanned: lines and points of tools, from their own file or a PLUS device set.
+
+A new format of targets is a file here that ends with its `FORMAT`, and a line in `formats.FORMATS`.
+"""
 
 from sonocal.targets.device_set import DeviceSet, read_device_set
 from sonocal.targets.formats import read_lines

@@ -154,3 +154,12 @@ def test_a_status_other_than_ok_makes_a_pose_invalid(tmp_path_factory, seed, sta
     assert probe.valid.tolist() == [text in ("OK", "ok", "1", "true") for text in status]
     assert probe.status == tuple(status)
     assert probe.matrices.tobytes() == matrices.tobytes()
+
+
+@pytest.mark.parametrize("rows", [3, 4])
+def test_the_last_row_of_a_matrix_may_be_left_out_and_is_believed_where_it_stands(tmp_path, rows):
+    header = ["t", *(f"Needle_m{i}{j}" for i in range(rows) for j in range(4))]
+    matrix = np.diag([1.0, 1, 1, 1 if rows == 3 else 2])
+    write_table(tmp_path / "a.csv", header, [[0, *matrix[:rows].ravel().tolist()]])
+    found = read_recording(tmp_path / "a.csv").poses["tracker_from_needle"]
+    np.testing.assert_array_equal(found.matrices[0], matrix)

@@ -55,22 +55,26 @@ def _of_item(
 
 def _status(poses: Poses, i: int, matrix: list[float]) -> str | None:
     said = None if poses.status is None else poses.status[i]
-    if not poses.valid[i] and said in (None, "OK") and all(map(math.isfinite, matrix)):
-        return "INVALID"  # or it would be read as valid
-    return ("OK" if poses.valid[i] else "INVALID") if poses.status is None else said
+    if poses.status is None:
+        return "OK" if poses.valid[i] else "INVALID"
+    return _vouched(said, bool(poses.valid[i])) if all(map(math.isfinite, matrix)) else said
+
+
+def _vouched(said: str | None, valid: bool) -> str | None:
+    """A status that is read as what the recording holds to be valid, whatever was said of it before."""
+    if (said in (None, "OK")) == valid:
+        return said
+    return "OK" if valid else "INVALID"
 
 
 def _item_fields(recording: Recording) -> dict[str, tuple[str | None, ...]]:
-    """The other fields of the items, with the status of images that the recorder does not vouch for."""
+    """The other fields of the items, and whether the recorder vouches for their images."""
     fields = dict(recording.item_fields)
     if recording.image is None:
         return fields
     name = next((name for name in IMAGE_STATUS if name in fields), IMAGE_STATUS[0])
     said = fields.get(name, (None,) * len(recording))
-    stated = tuple(
-        "INVALID" if text in (None, "OK") and not valid else text
-        for text, valid in zip(said, recording.image_valid.tolist(), strict=True)
-    )
+    stated = tuple(map(_vouched, said, recording.image_valid.tolist()))
     return fields | {name: stated} if any(stated) else fields
 
 
