@@ -57,7 +57,11 @@ def table() -> str:
         rows.append(f"| `{room}` | {purpose(room)} | {names or 'nothing'} |")
     everyone = ", ".join(f"`{name}`" for name in sorted(EVERYONE))
     return "\n".join(
-        [*rows, "", f"Every room may also import {everyone}, in which these import `errors` alone."]
+        [
+            *rows,
+            "",
+            f"Every room may also import {everyone}; of these `files` and `geometry` import `errors`.",
+        ]
     )
 
 

@@ -242,3 +242,12 @@ def test_a_time_line_with_a_hole_or_a_repetition_is_refused(at):
     repeated[max(at, 1)] = repeated[max(at, 1) - 1]
     with pytest.raises(InputError, match=f"frame {max(at, 1)}: its stamp .* is not later"):
         interpolate_poses(poses, repeated, [0.1])
+
+
+@settings(max_examples=10)
+@given(seeds, st.floats(-0.2, 0.2))
+def test_without_noise_the_lag_is_met_to_a_small_part_of_its_grid(seed, latency):
+    wave, t, s = random_wave(seed), np.arange(1, 19, 0.05), np.arange(0, 20, 0.002)
+    found = estimate_latency(t, wave(t), s, wave(s - latency))
+    assert found.latency_s == pytest.approx(latency, abs=3e-5)
+    assert found.correlation == pytest.approx(1, abs=1e-5)

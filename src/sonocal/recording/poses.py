@@ -100,7 +100,8 @@ class Poses:
 
 def chosen(count: int, rows: ArrayLike) -> NDArray[np.int64]:
     """Indices of the rows, of so many, that a mask, a slice's range or indices choose; none of them is a choice."""
-    return np.asarray(np.arange(count)[np.asarray(rows, dtype=None if np.size(rows) else np.int64)])
+    indices = np.asarray(rows, dtype=None if np.size(rows) else np.int64)
+    return np.asarray(np.arange(count)[indices])
 
 
 def by_name(poses: Iterable[Poses], name: str) -> dict[str, Poses]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from math import isfinite
+from math import inf, isfinite
 from numbers import Real
 from typing import Any, Literal, Self
 
@@ -101,7 +101,8 @@ class Options:
         )
 
     def _keep(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
+        if getattr(self, name) is not value:
+            object.__setattr__(self, name, value)
 
 
 def positive_number(name: str, value: Any, *, or_infinite: bool = False) -> float:
@@ -110,6 +111,8 @@ def positive_number(name: str, value: Any, *, or_infinite: bool = False) -> floa
     Raises:
         InputError: it is no such number.
     """
+    if type(value) is float and 0 < value < inf:  # what a value is once it was checked: no need to ask more
+        return value
     number = isinstance(value, Real) and not isinstance(value, bool)
     if not (number and value > 0 and (or_infinite or isfinite(value))):
         raise InputError(f"{name} must be a positive number; got {value}")
@@ -122,6 +125,8 @@ def whole_number(name: str, value: Any, least: int, most: int) -> int:
     Raises:
         InputError: it is no such number.
     """
+    if type(value) is int and least <= value <= most:
+        return value
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise InputError(f"{name} must be a whole number from {least} to {most}; got {value}")
     return int(value)
