@@ -21,6 +21,7 @@ namespace {
 
 using Array = In<double>;
 constexpr int kMostSteps = 1000;
+constexpr const char* kOtherShapes = "shapes are not those of this solver's problems";
 // Matrices, and counts: a number where one problem was given, an array cost a microsecond.
 using Solved = std::tuple<Out<double>, nb::object>;
 
@@ -50,13 +51,13 @@ struct Leading {
       const std::size_t wanted = *(tail.begin() + i);
       fits = wanted == 0 || a.shape(a.ndim() - own + i) == wanted;
     }
-    if (!fits) throw nb::value_error("shape");
+    if (!fits) throw nb::value_error(kOtherShapes);
     for (; axes < a.ndim() - own; ++axes) size *= shape[axes] = a.shape(axes);
   }
   void must_equal(const Leading& other) const {
     bool same = axes == other.axes;
     for (std::size_t i = 0; same && i < axes; ++i) same = shape[i] == other.shape[i];
-    if (!same) throw nb::value_error("batch");
+    if (!same) throw nb::value_error("shapes differ in their leading axes");
   }
 };
 
@@ -144,7 +145,7 @@ Solved three_quadrics_arrays(Array points, Array planes, int steps, double scale
   const Leading leading(points, {0, 3});
   leading.must_equal(Leading(planes, {0, 4}));
   const auto rows = static_cast<int>(points.shape(leading.axes));
-  if (rows < 7 || static_cast<int>(planes.shape(leading.axes)) != rows) throw nb::value_error("shape");
+  if (rows < 7 || static_cast<int>(planes.shape(leading.axes)) != rows) throw nb::value_error(kOtherShapes);
   const double *x = points.data(), *p = planes.data();
   return solve_batch(leading, 8, [&](BatchOut out) {
     three_quadrics_batch(x, p, leading.size, rows, o.policy(), o.threads, out);
@@ -201,7 +202,7 @@ std::tuple<Out<double>, nb::object, Out<double>> linear_arrays(Array points, Arr
   const Leading leading(points, {0, 3});
   leading.must_equal(Leading(planes, {0, 4}));
   const std::size_t rows = points.shape(leading.axes);
-  if (planes.shape(leading.axes) != rows) throw nb::value_error("shape");
+  if (planes.shape(leading.axes) != rows) throw nb::value_error(kOtherShapes);
   auto* conditions = new double[leading.size];
   auto [matrices, counts] = solve_batch(leading, 1, [&](BatchOut out) {
     in_threads(leading.size, threads, [&](std::size_t begin, std::size_t end) {

@@ -1,6 +1,7 @@
 #include "sonocal/estimate/small_samples.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -29,28 +30,42 @@ struct Sums {
   double inner[kLevels][kLevels];
 };
 
-TangentMatrix weighted_square(const WhiteResiduals& white, const Eigen::VectorXd& weight) {
-  const auto k = white.jacobian.cols();
-  TangentMatrix sum = TangentMatrix::Zero(k, k);
-  for (Eigen::Index m = 0; m < weight.size(); ++m) {
-    const double* j = white.jacobian.data() + m * k;
-    for (Eigen::Index a = 0; a < k; ++a)
-      for (Eigen::Index b = 0; b <= a; ++b) sum(a, b) += weight[m] * j[a] * j[b];
-  }
-  for (Eigen::Index a = 0; a < k; ++a)
-    for (Eigen::Index b = 0; b < a; ++b) sum(b, a) = sum(a, b);
-  return sum;
+// Lower triangles of k x k matrices, row after row.
+constexpr int kMostEntries = 8 * 9 / 2;
+using Triangle = std::array<double, kMostEntries>;
+
+TangentMatrix unfolded(const Triangle& sum, Eigen::Index k) {
+  TangentMatrix out(k, k);
+  for (Eigen::Index a = 0, t = 0; a < k; ++a)
+    for (Eigen::Index b = 0; b <= a; ++b, ++t) out(a, b) = out(b, a) = sum[t];
+  return out;
 }
 
+// All sums in one pass, for which a row's products are taken once.
 Sums sums_of(const WhiteResiduals& white, const Eigen::MatrixX2d& levels, int count) {
+  const Eigen::Index k = white.jacobian.cols();
+  const int entries = static_cast<int>(k * (k + 1) / 2), kinds = count == 2 ? 5 : 2;
+  Triangle sum[5] = {}, products = {};
+  double inner[3] = {};
+  for (Eigen::Index m = 0; m < levels.rows(); ++m) {
+    const double* j = white.jacobian.data() + m * k;
+    for (Eigen::Index a = 0, t = 0; a < k; ++a)
+      for (Eigen::Index b = 0; b <= a; ++b, ++t) products[t] = j[a] * j[b];
+    const double x = levels(m, 0), y = count == 2 ? levels(m, 1) : 0.0;
+    const double weight[5] = {x, x * x, y, y * y, x * y};
+    for (int kind = 0; kind < kinds; ++kind)
+      for (int t = 0; t < entries; ++t) sum[kind][t] += weight[kind] * products[t];
+    inner[0] += x * x, inner[1] += y * y, inner[2] += x * y;
+  }
   Sums out;
   for (int i = 0; i < count; ++i) {
-    out.pull[i] = weighted_square(white, levels.col(i));
-    for (int j = 0; j <= i; ++j) {
-      const Eigen::VectorXd both = levels.col(i).cwiseProduct(levels.col(j));
-      out.cross[i][j] = out.cross[j][i] = weighted_square(white, both);
-      out.inner[i][j] = out.inner[j][i] = both.sum();
-    }
+    out.pull[i] = unfolded(sum[2 * i], k);
+    out.cross[i][i] = unfolded(sum[2 * i + 1], k);
+    out.inner[i][i] = inner[i];
+  }
+  if (count == 2) {
+    out.cross[0][1] = out.cross[1][0] = unfolded(sum[4], k);
+    out.inner[0][1] = out.inner[1][0] = inner[2];
   }
   return out;
 }

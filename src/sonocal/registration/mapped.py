@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sonocal.geometry import Array, AxisScaled, segment_directions
+from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.rows import PointLineRows
 
 __all__ = ["MappedRows"]
@@ -28,7 +28,8 @@ class MappedRows:
     @cached_property
     def directions(self) -> Array:
         """(N, 3): of the lines."""
-        return segment_directions(self.table.segments_mm)
+        along = self.table.segments_mm[:, 1] - self.table.segments_mm[:, 0]
+        return np.asarray(along / self.lengths_mm[:, None])
 
     @cached_property
     def lengths_mm(self) -> Array:

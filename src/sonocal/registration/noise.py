@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,7 @@ def estimate_noise(
     freedom = 2 * int(np.count_nonzero(fit.inlier)) - k
     weighted = fit.weighting == "likelihood"
     sigma_px, sigma_mm = (fit.sigma_px, fit.sigma_mm) if weighted else (None, None)
-    if freedom <= 0 or not np.isfinite(fit.covariance).all():
+    if freedom <= 0 or not isfinite(fit.covariance.sum()):
         return Noise(np.nan, np.full((k, k), np.nan), 0, sigma_px, sigma_mm)
     sums = _core.noise_sums(
         rows.core,

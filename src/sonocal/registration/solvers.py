@@ -323,7 +323,7 @@ def _call(
     try:
         return core(*arrays, *options)
     except ValueError as error:
-        if str(error) not in ("shape", "batch"):  # the options', whose sentence says all
+        if not str(error).startswith("shapes "):  # the options', whose sentence says all
             raise InputError(str(error)) from None
         raise InputError(
             f"expected {names[0]} and {names[1]} with the same leading axes; "
