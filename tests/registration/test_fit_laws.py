@@ -159,6 +159,7 @@ def test_distances_are_those_to_the_nearest_point_of_the_line(seed, dimension):
     fit = refine_point_lines(truth, rows, None, Options(weighting="geometric"))
     away = away_from_lines(fit.transform @ rows.points, rows.segments_mm)
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), fit.residuals_mm, atol=1e-9)
+    np.testing.assert_allclose(MappedRows(fit.transform, rows).residuals, away, atol=1e-9)
     np.testing.assert_allclose(np.sum(away * segment_directions(rows.segments_mm), axis=1), 0, atol=1e-9)
     places = np.linspace(-3, 3, 4001)[:, None, None]
     along = rows.segments_mm[:, 1] - rows.segments_mm[:, 0]
