@@ -9,6 +9,7 @@
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
 #include "sonocal/estimate/extent.hpp"
+#include "sonocal/estimate/residual_vectors.hpp"
 #include "sonocal/estimate/shared_errors.hpp"
 #include "sonocal/estimate/small_samples.hpp"
 #include "sonocal/estimate/stretch.hpp"
@@ -101,6 +102,11 @@ int py_stretch_length(const In<double, nb::shape<-1, 3>>& residuals, const Codes
   return stretch_length(residuals.data(), frames.data(), static_cast<int>(rows));
 }
 
+Out<double> py_residual_vectors(const BoundTable& bound, const Transform& at) {
+  const Table table = bound.lines();
+  return make_array(residual_vectors(table, at), {static_cast<std::size_t>(table.rows), 3});
+}
+
 Extent py_extent(const BoundTable& bound, const std::optional<Chosen>& chosen) {
   const Table table = bound.lines();
   return extent_of(table, chosen ? ::checked(*chosen, table) : nullptr);
@@ -131,6 +137,7 @@ void bind_noise(nb::module_& m) {
       .def_prop_ro("points", &as_array<&Extent::points>, owned);
   m.def("noise_sums", &noise_sums, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a,
         "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "known_px"_a, "known_mm"_a);
+  m.def("residual_vectors", &py_residual_vectors, "table"_a, "at"_a);
   m.def("stretch_length", &py_stretch_length, "residuals"_a.noconvert(), "frames"_a.noconvert());
   m.def("extent", &py_extent, "table"_a, "chosen"_a.noconvert().none() = nb::none());
 }

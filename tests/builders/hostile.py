@@ -241,6 +241,10 @@ def extent(h: Hostile) -> Any:
     return h.core.extent(table, h.pick([None, h.chosen(rows)]))
 
 
+def residual_vectors(h: Hostile) -> Any:
+    return h.core.residual_vectors(h.lines()[0], h.transform())
+
+
 def stretch_length(h: Hostile) -> Any:
     rows = h.pick([1, 15, 16, 40, 200])
     residuals = np.cumsum(h.random.normal(size=(rows, 3)), axis=0) * h.pick([0.0, 1.0, 1e59])
@@ -311,6 +315,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     ),
     "noise_sums": noise_sums,
     "extent": extent,
+    "residual_vectors": residual_vectors,
     "stretch_length": stretch_length,
     "BlobFilter": blobs,
     "study_trials": study_trials,

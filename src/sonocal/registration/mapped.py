@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from sonocal import _core
 from sonocal.geometry import Array, AxisScaled
-from sonocal.registration.rows import PointLineRows
+from sonocal.registration.rows import PointLineRows, to_core
 
 __all__ = ["MappedRows"]
 
@@ -50,7 +51,7 @@ class MappedRows:
     @cached_property
     def residuals(self) -> Array:
         """(N, 3), mm: from each line to its mapped point, at right angles to the line."""
-        return np.asarray(self.from_first - self.along_mm[:, None] * self.directions)
+        return _core.residual_vectors(self.table.core, to_core(self.transform))
 
     @cached_property
     def distances(self) -> Array:
