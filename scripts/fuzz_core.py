@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import importlib.util
-import os
 import subprocess
 import sys
 import tempfile
@@ -24,7 +23,7 @@ from types import ModuleType
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
-from tests.builders.hostile import CALLS, call, missing  # noqa: E402
+from tests.builders.core_calls import CALLS, call, missing  # noqa: E402
 
 SEED = 20160908
 LONGEST_S = 60
@@ -58,44 +57,49 @@ def load(path: Path | None) -> ModuleType:
     return module
 
 
-def main() -> int:
-    """Make the calls in other processes; the number of those that ended one."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--calls", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument(
-        "--module", type=Path, help="the compiled core; default: that of the installed package"
-    )
-    parser.add_argument("--only", type=int, metavar="NUMBER", help="this call alone, in this process")
-    parser.add_argument("--part", type=int, nargs=2, help=argparse.SUPPRESS)
-    parser.add_argument("--log", type=Path, help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
-    if arguments.part:
-        run(load(arguments.module), arguments.seed, *arguments.part, arguments.log)
-        return 0
-    if arguments.only is not None:
-        print("answered" if call(load(arguments.module), arguments.seed, arguments.only) else "refused")
-        return 0
-    if unreached := missing(load(arguments.module)):
-        print(f"no call reaches {', '.join(sorted(unreached))}; add one to CALLS")
-        return 1
+def survey(calls: int) -> int:
+    """Make so many calls in other processes, with this one's arguments; the number of those that ended one."""
     log = Path(tempfile.mkdtemp(prefix="fuzz-core-")) / "log"
     begin = answered = faults = 0
-    while begin < arguments.calls:
-        part = ["--part", str(begin), str(arguments.calls), "--log", str(log)]
-        done = subprocess.run([sys.executable, *sys.argv, *part], check=False, env=os.environ)
+    while begin < calls:
+        part = ["--part", str(begin), str(calls), "--log", str(log)]
+        done = subprocess.run([sys.executable, *sys.argv, *part], check=False)
         begin, now = map(int, log.read_text().split())
         answered += now
         if done.returncode != 0:
-            faults += 1
-            print(
-                f"call {begin} of {list(CALLS)[begin % len(CALLS)]} ended the process; --only {begin}",
-                flush=True,
-            )
-            begin += 1
-    refused = arguments.calls - answered - faults
-    print(f"{arguments.calls} calls: {answered} answered, {refused} refused, {faults} faults")
-    return min(faults, 100)
+            name = list(CALLS)[begin % len(CALLS)]
+            print(f"call {begin} of {name} ended the process; --only {begin}", flush=True)
+            faults, begin = faults + 1, begin + 1
+    print(f"{calls} calls: {answered} answered, {calls - answered - faults} refused, {faults} faults")
+    return faults
+
+
+def asked() -> argparse.Namespace:
+    """What the command line says."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--calls", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--module", type=Path, help="a compiled core; default: the installed package's")
+    parser.add_argument("--only", type=int, metavar="NUMBER", help="this call alone, in this process")
+    parser.add_argument("--part", type=int, nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--log", type=Path, help=argparse.SUPPRESS)
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Call the core; 1 if a call ended a process or there is none for a function."""
+    arguments = asked()
+    core = load(arguments.module)
+    if arguments.part:
+        run(core, arguments.seed, *arguments.part, arguments.log)
+    elif arguments.only is not None:
+        print("answered" if call(core, arguments.seed, arguments.only) else "refused")
+    elif unreached := missing(core):
+        print(f"no call reaches {', '.join(sorted(unreached))}; add one to CALLS")
+        return 1
+    else:
+        return int(survey(arguments.calls) > 0)
+    return 0
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from sonocal import _core
 from sonocal.errors import InputError
 from sonocal.registration.constraints import Rows
 from sonocal.registration.rows import PointLineRows
-from tests.builders import hostile
+from tests.builders import core_calls
 from tests.builders.point_lines import scene_rows
 
 RANDOM = np.random.default_rng(0)
@@ -310,12 +310,12 @@ def test_python_says_it_as_bad_input():
 
 
 def test_everything_in_the_core_is_called_with_hostile_arrays():
-    assert hostile.missing(_core) == set()
+    assert core_calls.missing(_core) == set()
 
 
-@pytest.mark.parametrize("name", hostile.CALLS)
+@pytest.mark.parametrize("name", core_calls.CALLS)
 @given(seed=st.integers(0, 2**32))
 @settings(max_examples=25)
 def test_a_hostile_call_is_answered_or_refused_in_a_sentence(name, seed):
-    number = list(hostile.CALLS).index(name)
-    assert isinstance(hostile.call(_core, seed, number), bool)
+    number = list(core_calls.CALLS).index(name)
+    assert isinstance(core_calls.call(_core, seed, number), bool)

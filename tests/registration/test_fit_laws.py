@@ -172,6 +172,17 @@ def test_distances_are_those_to_the_nearest_point_of_the_line(seed, dimension):
     assert np.all(nearest[inside] ** 2 <= mapped.distances[inside] ** 2 + 1.001 * half_step**2 + 1e-9)
 
 
+@given(seeds, dimensions)
+def test_a_mapped_point_is_its_place_along_the_line_and_its_residual_away_from_it(seed, dimension):
+    rows, truth = scene_rows(seed, dimension)
+    mapped = MappedRows(truth, rows)
+    start, end = rows.segments_mm[:, 0], rows.segments_mm[:, 1]
+    np.testing.assert_allclose(start + mapped.lengths_mm[:, None] * mapped.directions, end, atol=1e-9)
+    foot = start + mapped.along_mm[:, None] * mapped.directions
+    np.testing.assert_allclose(foot + mapped.residuals, truth @ rows.points, atol=1e-9)
+    np.testing.assert_allclose(start + mapped.from_first, truth @ rows.points, atol=1e-9)
+
+
 # Mirrored answers
 
 
@@ -214,6 +225,17 @@ def test_of_two_answers_the_better_is_first_and_the_other_no_likelier_than_even(
         assert 0 < rival.probability <= 0.5
         assert rival.apart_mm > 0
         assert np.linalg.eigvalsh(rival.covariance).min() >= -1e-9 * np.trace(rival.covariance)
+
+
+@given(seeds)
+def test_an_image_at_right_angles_to_its_lines_is_its_own_mirror(seed):
+    rows, truth = scene_rows(seed, 2, 30)
+    directions = truth.rotation[:, 2] + 0.02 * np.random.default_rng(seed).normal(size=(30, 3))
+    middle = truth @ rows.points
+    ends = np.stack([middle - 100 * directions, middle + 100 * directions], axis=1)
+    exact = dataclasses.replace(rows, segments_mm=ends)
+    fit = refine_point_lines(truth, exact, None, Options(weighting="geometric"))
+    assert mirrored_answer(exact, fit) is None
 
 
 @given(seeds)

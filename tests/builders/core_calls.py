@@ -1,0 +1,191 @@
+"""Every call that the core offers, with hostile arguments, and what is done with the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from tests.builders.hostile import Hostile
+
+REFUSALS = (ValueError, TypeError)
+SOLVERS = ["closed_form", "paper_four_points", "paper_two_lines", "linear"]
+
+
+def minimal(h: Hostile, name: str, rows: int, dimension: int, *settings: Any) -> Any:
+    lead = h.batch()
+    count = int(np.prod(lead))
+    scenes = [h.scene(rows, dimension) for _ in range(count)]
+    points = np.array([p[:, :2] if name.endswith("four_points") else p for p, _ in scenes])
+    x = (
+        points.reshape(*lead, rows, 2 if name.endswith("four_points") else 3)
+        if count
+        else np.empty((0, rows, 2))
+    )
+    lines = np.array([s for _, s in scenes]).reshape(*lead, rows, 2, 3)
+    if name == "two_lines":
+        x, lines = x.reshape(*lead, 2, 2, 3), lines[..., ::2, :, :]
+    return getattr(h.core, name)(h.array(x), h.array(lines), *settings)
+
+
+def steps(h: Hostile) -> tuple[Any, Any, Any]:
+    return h.count(0, 1, 3), h.number(h.pick([0.0, 0.24])), threads(h)
+
+
+def threads(h: Hostile) -> Any:
+    return h.count(1, 1, 1, 2)
+
+
+def mixed(h: Hostile, name: str, *settings: Any) -> Any:
+    lead, rows = h.batch(), h.pick([0, 6, 7, 8, 12, 13, 20])
+    points = h.random.uniform(0, 500, (*lead, rows, 3))
+    planes = h.random.normal(size=(*lead, rows, 4))
+    return getattr(h.core, name)(h.array(points), h.array(planes), *settings)
+
+
+def estimate(h: Hostile) -> Any:
+    table, _, model = h.lines()
+    return h.core.estimate(table, h.options(model))
+
+
+def refine(h: Hostile) -> Any:
+    table, rows, model = h.lines()
+    return h.core.refine(table, h.chosen(rows), h.transform(), h.options(model))
+
+
+def white_residuals(h: Hostile) -> Any:
+    table, rows, model = h.lines()
+    return h.core.white_residuals(table, h.chosen(rows), h.transform(), h.options(model))
+
+
+def noise_sums(h: Hostile) -> Any:
+    table, rows, model = h.lines()
+    side = (8 if model == "anisotropic" else 7) + h.spoils()
+    root = h.random.normal(size=(side, side)) * 1e-2
+    groups = [h.codes(rows, most) for most in (1, 3, rows)][: h.pick([0, 1, 3])]
+    about = h.transform(), h.options(model), h.array(root @ root.T), groups
+    known = {"known_px": h.pick([True, False]), "known_mm": h.pick([True, False])}
+    return h.core.noise_sums(table, h.chosen(rows), *about, **known)
+
+
+def extent(h: Hostile) -> Any:
+    table, rows, _ = h.lines()
+    return h.core.extent(table, h.pick([None, h.chosen(rows)]))
+
+
+def residual_vectors(h: Hostile) -> Any:
+    return h.core.residual_vectors(h.lines()[0], h.transform())
+
+
+def stretch_length(h: Hostile) -> Any:
+    rows = h.pick([1, 15, 16, 40, 200])
+    residuals = np.cumsum(h.random.normal(size=(rows, 3)), axis=0) * h.pick([0.0, 1.0, 1e59])
+    return h.core.stretch_length(h.array(residuals), h.codes(rows, h.pick([1, rows, 10**6])))
+
+
+def blobs(h: Hostile) -> Any:
+    shape = tuple(h.random.integers(1, h.pick([3, 12, 40]), 2))
+    scales = [h.number(s) for s in (1.0, 1.5, 2.5, 4.0)][: h.pick([0, 1, 3, 4, 4])]
+    mask = h.array(h.random.random(shape) < h.pick([0.0, 0.9, 1.0]), np.uint8)
+    found = h.core.BlobFilter(mask, scales * (100 if h.spoils() else 1), h.count(1, 2, 3, 50))
+    image = h.random.random(h.pick([shape, shape, shape, shape[::-1]])) * h.pick([0.0, 1.0, 255.0, 1e30])
+    limits = [h.number(x) for x in (0.0, 0.0, 0.5, 0.5)]
+    return found.detect(h.array(image, np.float32), h.count(1, 5, 10**6), *limits, h.pick([True, False]))
+
+
+def trials(h: Hostile, size: int, rows: int, dimension: int) -> tuple[Any, Any]:
+    scenes = [h.scene(rows, dimension) for _ in range(size)]
+    points = np.array([p for p, _ in scenes]).reshape(size, rows, 3)
+    return h.array(points), h.array(np.array([s for _, s in scenes]).reshape(size, rows, 2, 3))
+
+
+def study_trials(h: Hostile) -> Any:
+    size, rows, dimension = h.pick([0, 1, 3]), h.rows(), h.pick([2, 3])
+    return h.core.study_trials(
+        *trials(h, size, rows, dimension),
+        h.array(h.random.integers(0, 2**63, size), np.uint64),
+        dimension=h.count(dimension),
+        solver="best" if h.spoils() else h.pick(SOLVERS),
+        likelihood=h.pick([True, False]),
+        threshold_mm=h.number(5.0),
+        level_px=h.number(h.pick([0.0, 1.0])),
+        level_mm=h.number(h.pick([0.0, 1.0])),
+        confidence=h.number(0.99),
+        max_samples=h.pick([0, -1, 2**40]) if h.spoils() else h.pick([1, 50]),
+        threads=threads(h),
+    )
+
+
+def study_bounds(h: Hostile) -> Any:
+    size, rows, dimension = h.pick([0, 1, 3]), h.rows(), h.pick([2, 3])
+    truth = np.tile(np.eye(4), (size, 1, 1)) * h.pick([0.24, 0.0, 1e50])
+    return h.core.study_bounds(
+        *trials(h, size, rows, dimension),
+        h.array(h.random.random((size, rows)) < 0.8, bool),
+        h.array(truth),
+        dimension=h.count(dimension),
+        level_px=h.number(h.pick([0.0, 1.0])),
+        level_mm=h.number(h.pick([0.0, 1.0])),
+        threads=threads(h),
+    )
+
+
+CALLS: dict[str, Callable[[Hostile], Any]] = {
+    "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
+    "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
+    "three_quadrics": lambda h: mixed(h, "three_quadrics", *steps(h)),
+    "paper_two_lines": lambda h: minimal(h, "paper_two_lines", 4, 3, threads(h)),
+    "paper_four_points": lambda h: minimal(h, "paper_four_points", 4, 2, threads(h)),
+    "linear": lambda h: mixed(h, "linear", h.pick([True, False]), threads(h)),
+    "estimate": estimate,
+    "refine": refine,
+    "white_residuals": white_residuals,
+    "estimate_correspondences": lambda h: h.core.estimate_correspondences(
+        (h.lines()[0] if h.spoils() else h.planes()),
+        h.options(),
+        refine=h.pick([True, False]),
+    ),
+    "noise_sums": noise_sums,
+    "extent": extent,
+    "residual_vectors": residual_vectors,
+    "stretch_length": stretch_length,
+    "BlobFilter": blobs,
+    "study_trials": study_trials,
+    "study_bounds": study_bounds,
+}
+# What the calls above make or are given.
+REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Extent"}
+
+
+def touch(result: Any) -> None:
+    """Read every number of a result: memory that was freed or never written would show."""
+    if isinstance(result, np.ndarray):
+        np.isfinite(result).sum()
+    elif isinstance(result, (tuple, list)):
+        for part in result:
+            touch(part)
+    elif not isinstance(result, (int, float)):
+        for name in dir(result):
+            if not name.startswith("_"):
+                touch(
+                    getattr(result, name, None) if name != "detect" else None
+                ) if result is not None else None
+
+
+def call(core: ModuleType, seed: int, number: int) -> bool:
+    """Make one call; whether it was answered."""
+    random = np.random.default_rng([seed, number])
+    name = list(CALLS)[number % len(CALLS)]
+    try:
+        touch(CALLS[name](Hostile(core, random)))
+    except REFUSALS as error:
+        assert str(error).strip(), f"call {number} of {name} is refused without a word"
+        return False
+    return True
+
+
+def missing(core: ModuleType) -> set[str]:
+    """What the core offers and no call here reaches."""
+    return {name for name in dir(core) if not name.startswith("_")} - set(CALLS) - REACHED
