@@ -197,6 +197,8 @@ struct Combinations {
   Eigen::VectorXd values;
 };
 Combinations combine(const Eigen::VectorXd& f, const Eigen::VectorXd& t) {
+  if (f.size() == 1)
+    return {Eigen::MatrixXd::Ones(1, 1), Eigen::VectorXd::Constant(1, 0.5 * (f[0] * f[0] + t[0] * t[0]))};
   Eigen::MatrixXd both(f.size(), 2);
   both << f, t;
   Combinations out{orthogonal_factor(both), Eigen::VectorXd::Zero(f.size())};
