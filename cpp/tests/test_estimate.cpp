@@ -1,10 +1,13 @@
 // The whole estimate without Python, to run under sanitizers: sound, hopeless and broken tables.
+#include <Eigen/LU>
+#include <cmath>
 #include <limits>
 
 #include "check.hpp"
 #include "scenes.hpp"
 #include "sonocal/correspondences/correspondences.hpp"
 #include "sonocal/estimate/estimate.hpp"
+#include "sonocal/estimate/likelihood.hpp"
 #include "sonocal/estimate/white_residuals.hpp"
 
 using namespace sonocal;
@@ -65,6 +68,65 @@ void few_and_broken() {
   }
 }
 
+// Points on needles of one sighting each, 1 to 5 of them.
+struct Uneven {
+  std::vector<double> points, segments;
+  std::vector<std::int32_t> codes;
+
+  explicit Uneven(const Transform& truth) {
+    Random random(16);
+    for (int size = 1; size <= 5; ++size)
+      for (int repeat = 0; repeat < 3; ++repeat) {
+        const Vector3d middle = truth.apply({250, 250, 250}) + 30 * direction(random),
+                       along = direction(random);
+        for (int i = 0; i < size; ++i) {
+          const Vector3d place = middle + uniform(random, -60, 60) * along + direction(random);
+          const Vector3d image = truth.rotation.transpose() * (place - truth.translation) / truth.scales[0];
+          points.insert(points.end(), image.data(), image.data() + 3);
+          for (const Vector3d& end : {Vector3d(middle - 80 * along), Vector3d(middle + 120 * along)})
+            segments.insert(segments.end(), end.data(), end.data() + 3);
+          codes.push_back(3 * size - 3 + repeat);
+        }
+      }
+  }
+  int rows() const { return static_cast<int>(codes.size()); }
+};
+
+// -2 log likelihood of one sighting by its whole covariance, px^2 s^2 + mm^2 (1 + tau_j tau_k) / 2.
+double dense_deviance(const PointLines& rows, Sightings::Range members, const Transform& a,
+                      NoiseLevels levels) {
+  const Normalisation& n = rows.normalisation();
+  const int size = members.size(), first = members[0];
+  Eigen::MatrixXd residuals(size, 2);
+  Eigen::VectorXd tau(size);
+  for (int j = 0; j < size; ++j) {
+    const Vector3d y = a.apply(rows.point(members[j]));
+    tau[j] = (rows.direction(first).dot(y) - rows.middle(first)) / rows.half_length(first);
+    for (int k = 0; k < 2; ++k) residuals(j, k) = rows.normal(first, k).dot(y) + rows.offset(first, k);
+  }
+  const double px = levels.px / n.image_size * a.scales[0], mm = levels.mm / n.size;
+  const Eigen::MatrixXd ones = Eigen::MatrixXd::Ones(size, size);
+  const Eigen::MatrixXd v =
+      px * px * Eigen::MatrixXd::Identity(size, size) + 0.5 * mm * mm * (ones + tau * tau.transpose());
+  return (residuals.transpose() * v.inverse() * residuals).trace() + 2 * std::log(v.determinant());
+}
+
+void any_number_of_points_shares_its_noise() {
+  const Scene scene(3, 2, 0, 16);
+  const Uneven uneven(scene.truth);
+  const PointLines rows(uneven.points.data(), uneven.segments.data(), uneven.rows(), 3);
+  const Sightings sightings = Sightings::of_codes(uneven.codes.data(), uneven.rows());
+  const NoiseModel noise(rows, sightings, {}, PointLines::Column::Zero(uneven.rows()), 1);
+  Transform at = rows.normalisation().to_normalised(scene.truth);
+  for (const NoiseLevels levels : {NoiseLevels{0.5, 0.3}, NoiseLevels{2, 0.1}, NoiseLevels{0.1, 2}}) {
+    double whole = 0;
+    for (int i = 0; i < sightings.size(); ++i) whole += dense_deviance(rows, sightings[i], at, levels);
+    const double split = deviance(noise, at, levels);
+    check(std::fabs(split - whole) < 1e-8 * std::fabs(whole), "split or whole, a sighting is as likely");
+    at.translation += Vector3d(0.01, -0.02, 0.01);
+  }
+}
+
 void correspondences() {
   const Scene scene(3, 12, 3, 8);
   std::vector<double> points, planes;
@@ -92,6 +154,7 @@ int main() {
   sound();
   refinement_and_residuals();
   few_and_broken();
+  any_number_of_points_shares_its_noise();
   correspondences();
   return summary("estimates");
 }
