@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.simulators.faults import altered
 from benchmarks.simulators.scans import scan
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import sonocal as sc
@@ -50,9 +50,18 @@ def over_time(findings):
 # Invariance
 
 
+def most_agree(rows):
+    """Whether one answer stands out: where half of the rows or fewer agree, rounding may decide between several."""
+    try:
+        return sc.calibrate(rows).inlier.mean() > 0.5
+    except sc.NoConsensusError:
+        return False
+
+
 @given(seeds, faults)
 def test_moving_the_probe_marker_changes_no_finding(seed, fault):
     rows, marker = rows_of(seed, fault), random_similarity(seed, scale=1.0)
+    assume(most_agree(rows))
     moved = altered(rows, segments_mm=marker @ rows.segments_mm)
     assert over_time(check_setup(evidence(moved))) == over_time(check_setup(evidence(rows)))
 
