@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <complex>
 
 namespace sonocal {
 
@@ -19,13 +21,18 @@ struct SymmetricEigen {
 SymmetricEigen symmetric_eigen(SmallMatrix a, bool vectors = true);
 inline SmallVector symmetric_eigenvalues(const SmallMatrix& a) { return symmetric_eigen(a, false).values; }
 
-// Of any square matrix. A real value's vector is its column. Of a conjugate pair, of which the value with the
-// positive imaginary part comes first, the first column is the real part of its vector, the second the
-// imaginary one. `found` is false where the iteration came to no end.
+// A value of any square matrix, with its vector, whose largest entry is 1.
+struct EigenPair {
+  std::complex<double> value;
+  SmallVector real, imaginary;
+};
+
+// The values of any square matrix; of each conjugate pair the one with the positive imaginary part. `found`
+// is false where the iteration came to no end.
 struct GeneralEigen {
   bool found = false;
-  SmallVector real, imaginary;
-  SmallMatrix vectors;
+  int count = 0;
+  std::array<EigenPair, kMostSide> pairs;
 };
 GeneralEigen general_eigen(const SmallMatrix& a);
 

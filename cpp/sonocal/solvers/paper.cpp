@@ -161,18 +161,13 @@ void for_eigenvectors(const Eigen::Matrix<double, kSize, kSize>& action, NoRealR
   if (!action.allFinite()) return;
   const GeneralEigen eigen = general_eigen(action);
   if (!eigen.found) return;
-  for (int i = 0; i < kSize; ++i) {
-    const double real = eigen.real[i], imaginary = eigen.imaginary[i];
-    if (imaginary < 0) continue;
-    if (policy == NoRealRoot::kNothing && imaginary > kNearlyReal * std::hypot(real, imaginary)) continue;
-    Eigen::Matrix<double, kSize, 1> v = eigen.vectors.col(i);
-    if (imaginary > 0) {
-      // The real part of (p + i q) / (p + i q)_last.
-      const Eigen::Matrix<double, kSize, 1> q = eigen.vectors.col(i + 1);
-      v = (v[kSize - 1] * v + q[kSize - 1] * q) / (std::pow(v[kSize - 1], 2) + std::pow(q[kSize - 1], 2));
-    } else {
-      v /= double(v[kSize - 1]);
-    }
+  for (int i = 0; i < eigen.count; ++i) {
+    const EigenPair& pair = eigen.pairs[i];
+    const double imaginary = pair.value.imag();
+    if (policy == NoRealRoot::kNothing && imaginary > kNearlyReal * std::abs(pair.value)) continue;
+    // The real part of (p + i q) / (p + i q)_last.
+    const double p = pair.real[kSize - 1], q = pair.imaginary[kSize - 1];
+    const Eigen::Matrix<double, kSize, 1> v = (p * pair.real + q * pair.imaginary) / (p * p + q * q);
     use(v);
   }
 }
