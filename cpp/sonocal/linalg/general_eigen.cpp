@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kMostTurns = 40;  // for each value
 constexpr double kUnit = std::numeric_limits<double>::epsilon();
-constexpr double kTiny = std::numeric_limits<double>::min();
+constexpr double kTiny = 1e-150;  // whose square is a number still
 // std::complex asks at each product whether a result is no number.
 struct Complex {
   double re = 0, im = 0;
