@@ -27,8 +27,8 @@ using Solved = std::tuple<Out<double>, nb::object>;
 
 // What every solver takes: steps 0 solves seven equations exactly, more of them refine on all; scale > 0
 // is known; threads share the batch.
-struct Options {
-  Options(int steps_, double scale_, int threads_) : steps(steps_), scale(scale_), threads(threads_) {
+struct Refining {
+  Refining(int steps_, double scale_, int threads_) : steps(steps_), scale(scale_), threads(threads_) {
     require(steps >= 0 && steps <= kMostSteps, "steps is not between 0 and 1000");
     require(usable(scale) && scale >= 0, "scale is not a number from 0 on");
     check_threads(threads);
@@ -113,7 +113,7 @@ void rows_of_lines(const double* image, const double* needles, PointOnPlane* row
 }
 
 Solved four_points_arrays(Array points, Array segments, int steps, double scale, int threads) {
-  const Options o(steps, scale, threads);
+  const Refining o(steps, scale, threads);
   const Leading leading(points, {4, 2});
   leading.must_equal(Leading(segments, {4, 2, 3}));
   const double *x = points.data(), *l = segments.data();
@@ -127,7 +127,7 @@ Solved four_points_arrays(Array points, Array segments, int steps, double scale,
 }
 
 Solved two_lines_arrays(Array image, Array needles, int steps, double scale, int threads) {
-  const Options o(steps, scale, threads);
+  const Refining o(steps, scale, threads);
   const Leading leading(image, {2, 2, 3});
   leading.must_equal(Leading(needles, {2, 2, 3}));
   const double *x = image.data(), *l = needles.data();
@@ -141,7 +141,7 @@ Solved two_lines_arrays(Array image, Array needles, int steps, double scale, int
 }
 
 Solved three_quadrics_arrays(Array points, Array planes, int steps, double scale, int threads) {
-  const Options o(steps, scale, threads);
+  const Refining o(steps, scale, threads);
   const Leading leading(points, {0, 3});
   leading.must_equal(Leading(planes, {0, 4}));
   const auto rows = static_cast<int>(points.shape(leading.axes));
