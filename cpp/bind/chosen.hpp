@@ -11,7 +11,7 @@
 using Chosen = In<bool, nb::ndim<1>>;
 
 // As many marks as rows, and one of them at least.
-inline const bool* checked(const Chosen& chosen, const sonocal::Table& table) {
+inline const bool* checked_rows(const Chosen& chosen, const sonocal::Table& table) {
   if (chosen.shape(0) != static_cast<std::size_t>(table.rows))
     refuse("chosen has " + std::to_string(chosen.shape(0)) + " entries for " + std::to_string(table.rows) +
            " rows");

@@ -115,7 +115,7 @@ PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transf
                      const Options& options) {
   const Table table = bound.lines();
   check_model(table, options);
-  const bool* rows = checked(chosen, table);
+  const bool* rows = checked_rows(chosen, table);
   Estimate result;
   {
     nb::gil_scoped_release unlocked;
@@ -128,7 +128,7 @@ PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, con
                               const Options& options) {
   const Table table = bound.lines();
   check_model(table, options);
-  const bool* rows = checked(chosen, table);
+  const bool* rows = checked_rows(chosen, table);
   WhiteResiduals white;
   {
     nb::gil_scoped_release unlocked;

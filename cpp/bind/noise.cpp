@@ -36,7 +36,7 @@ TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Option
   return Eigen::Map<const Eigen::MatrixXd>(values.data(), side, side).transpose();
 }
 
-std::vector<const std::int32_t*> checked(const std::vector<Codes>& groupings, const Table& table) {
+std::vector<const std::int32_t*> checked_codes(const std::vector<Codes>& groupings, const Table& table) {
   std::vector<const std::int32_t*> out;
   for (const Codes& codes : groupings) {
     require(codes.shape(0) == static_cast<std::size_t>(table.rows),
@@ -71,9 +71,9 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
                      const std::vector<Codes>& groupings, bool known_px, bool known_mm) {
   const Table table = bound.lines();
   check_model(table, options);
-  const bool* rows = ::checked(chosen, table);
+  const bool* rows = checked_rows(chosen, table);
   const TangentMatrix of_tangent = tangent_matrix(covariance, options);
-  const std::vector<const std::int32_t*> codes = checked(groupings, table);
+  const std::vector<const std::int32_t*> codes = checked_codes(groupings, table);
   SharedErrors shared;
   WiderCovariance wider;
   {
@@ -109,7 +109,7 @@ Out<double> py_residual_vectors(const BoundTable& bound, const Transform& at) {
 
 Extent py_extent(const BoundTable& bound, const std::optional<Chosen>& chosen) {
   const Table table = bound.lines();
-  return extent_of(table, chosen ? ::checked(*chosen, table) : nullptr);
+  return extent_of(table, chosen ? checked_rows(*chosen, table) : nullptr);
 }
 
 template <auto kVector>

@@ -17,7 +17,7 @@ void need_length(std::size_t length, std::size_t rows, const char* name) {
 }
 
 // Codes that count something from 0, of which there are not more than rows.
-const std::int32_t* checked(const BoundTable::Codes& codes, std::size_t rows, const char* name) {
+const std::int32_t* checked_codes(const BoundTable::Codes& codes, std::size_t rows, const char* name) {
   if (!codes) return nullptr;
   need_length(codes->shape(0), rows, name);
   const auto sound = [&](std::int32_t code) { return code >= 0 && static_cast<std::size_t>(code) < rows; };
@@ -69,9 +69,9 @@ BoundTable BoundTable::of_lines(Points points, Segments segments, Codes sighting
     require(!std::equal(segments.data() + 6 * i, segments.data() + 6 * i + 3, segments.data() + 6 * i + 3),
             "a segment has no length");
   require(dimension == 3 || !sightings, "sightings of several points are of 3D probes");
-  if (const std::int32_t* codes = checked(sightings, rows, "sightings")) check_sightings(codes, rows);
-  checked(frames, rows, "frames");
-  checked(targets, rows, "targets");
+  if (const std::int32_t* codes = checked_codes(sightings, rows, "sightings")) check_sightings(codes, rows);
+  checked_codes(frames, rows, "frames");
+  checked_codes(targets, rows, "targets");
   check_factors(noise_px, rows, "noise_px");
   check_factors(noise_mm, rows, "noise_mm");
   BoundTable table;
