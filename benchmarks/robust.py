@@ -14,7 +14,6 @@ import sys
 import tempfile
 import timeit
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -40,9 +39,9 @@ def scene_of(dimension: int, rows: int, share: float, seed: int) -> SimulatedSig
 
 
 def core_call(rows: PointLineRows, weighting: str) -> Callable[[], object]:
-    """The core alone, its look at the table included."""
-    options = Options.of(weighting=weighting).to_core(0.0, 0.0)
-    return lambda: _core.estimate(replace(rows).core, options)
+    """The core alone; its table is made once for all that is asked of it."""
+    table, options = rows.core, Options.of(weighting=weighting).to_core(0.0, 0.0)
+    return lambda: _core.estimate(table, options)
 
 
 def constraints_of(scene: SimulatedSightings) -> reg.Rows:
@@ -184,6 +183,7 @@ def million_rows() -> str:
 FIT_SAVED = """
 import sys, time
 import numpy as np
+from sonocal.registration.options import Options
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 folder = sys.argv[1]

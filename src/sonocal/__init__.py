@@ -71,9 +71,24 @@ _ROOMS = {
 }
 _PLACES = {name: (room, name) for room, names in _ROOMS.items() for name in names}
 _PLACES["load"] = ("calibration", "load_calibration")
+# `sonocal.registration.register` and its like work after `import sonocal` alone.
+_FURTHER = (
+    "detection",
+    "export",
+    "registration",
+    "report",
+    "setup_checks",
+    "simulation",
+    "studies",
+    "tools",
+    "validation",
+)
+_ALL_ROOMS = {room.partition(".")[0] for room in _ROOMS} | set(_FURTHER)
 
 
 def __getattr__(name: str) -> Any:
+    if name in _ALL_ROOMS:
+        return import_module(f"{__name__}.{name}")
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     room, own_name = _PLACES[name]
@@ -82,4 +97,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*__all__, *_ALL_ROOMS, "__doc__", "__file__", "__name__", "__path__"})

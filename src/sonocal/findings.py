@@ -160,6 +160,9 @@ class Findings(Sequence[Diagnostic]):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and self.read() == tuple(other)
 
+    def __add__(self, other: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+        return (*self.read(), *other)
+
     __hash__ = None  # type: ignore[assignment]  # as of any sequence that may still grow
 
     def __repr__(self) -> str:

@@ -14,6 +14,7 @@ from sonocal.calibration import Options
 from sonocal.calibration.options import Keywords
 from sonocal.registration.options import Options as RegistrationOptions
 from sonocal.simulation.scene import simulate_observations
+from tests.builders.similarities import random_similarity
 
 NAMES = [field.name for field in dataclasses.fields(Options)]
 LENGTHS = ["threshold_mm", "tolerance_mm", "sigma_px", "sigma_mm", "scanner_mm_per_px"]
@@ -25,9 +26,7 @@ no_length = st.one_of(
 )
 sizes = st.one_of(st.none(), st.lists(st.integers(1, 5000), min_size=2, max_size=3).map(tuple))
 splits = st.one_of(st.none(), st.text(min_size=1, max_size=5))
-rotations = st.one_of(
-    st.none(), st.lists(st.floats(-1, 1), min_size=9, max_size=9).map(lambda x: np.reshape(x, (3, 3)))
-)
+rotations = st.one_of(st.none(), st.integers(0, 1000).map(lambda seed: random_similarity(seed).rotation))
 sound = st.fixed_dictionaries(
     {},
     optional={
@@ -211,3 +210,44 @@ def test_options_hold_no_auto_where_a_calibration_is_asked_for_its_threshold(row
     found = dataclasses.replace(sc.calibrate(rows), options=Options(threshold_mm="auto"))
     with pytest.raises(sc.InputError, match='the threshold that "auto" came to'):
         _ = found.threshold_mm
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"model": np.str_("anisotropic")},
+        {"threshold_mm": np.str_("auto")},
+        {"weighting": np.str_("geometric")},
+    ],
+)
+def test_texts_of_other_types_are_kept_as_texts(options, tmp_path):
+    found = sc.calibrate(simulate_observations(2, 20, seed=1).observations, **options)
+    found.save(tmp_path / "calibration.json")
+    assert sc.load(tmp_path / "calibration.json").options == found.options
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        *(
+            {name: value}
+            for name in ("threshold_mm", "sigma_px", "tolerance_mm")
+            for value in (10**400, 1e300)
+        ),
+        *({"model": value} for value in (np.array(["similarity"]), np.array(["similarity", "x"]), None, 3)),
+        *({"threshold_mm": value} for value in (np.array([3.0, 2.0]), np.array("auto"), None)),
+        *({"expected_rotation": value} for value in (np.zeros((3, 3)), np.ones((3, 3)), 1e-200 * np.eye(3))),
+        {"scanner_mm_per_px": 10**400},
+        {"image_size_px": (10**400, 5)},
+    ],
+)
+def test_what_no_option_can_be_is_refused_in_one_sentence(options):
+    sentence = refusal(**options)
+    assert next(iter(options)) in sentence
+    assert len(sentence) < 300
+
+
+@pytest.mark.parametrize("table", ["needle.csv", None, np.zeros((4, 2))])
+def test_what_is_no_table_is_refused(table):
+    with pytest.raises(sc.InputError, match="a table of sightings is needed"):
+        sc.calibrate(table)

@@ -103,6 +103,8 @@ def kept_options(asked: Options, used: Options) -> dict[str, Any]:
     return used.record() | told
 
 
+# Of expected directions: what a person reads off a probe may be that far from a rotation.
+ROUGHLY = 0.5
 # Of version 1 of the file.
 RECORDED = (
     *("model", "weighting", "threshold_mm", "sigma_px", "sigma_mm", "fit_split", "test_split"),
@@ -122,7 +124,7 @@ def _size(value: Any) -> tuple[int, ...]:
     except (TypeError, InputError):
         size = ()
     if len(size) not in (2, 3) or any(number != int(number) for number in size):
-        raise InputError(f"image_size_px must be two or three positive whole numbers; got {value}")
+        raise InputError(f"image_size_px must be two or three positive whole numbers; got {str(value)[:60]}")
     return tuple(int(number) for number in size)
 
 
@@ -136,7 +138,7 @@ def _scanner(value: Any) -> float | tuple[float, float]:
         said = []
     if len(said) not in (1, 2):
         raise InputError(
-            f"scanner_mm_per_px must be positive, one number or one along u and one along v; got {value}"
+            f"scanner_mm_per_px must be positive, one number or one along u and one along v; got {str(value)[:60]}"
         )
     return said[0] if np.ndim(value) == 0 else (said[0], said[-1])
 
@@ -150,6 +152,11 @@ def _rotation(value: Any) -> tuple[tuple[float, ...], ...]:
         raise InputError(
             "expected_rotation must be the directions of u, v and normal, shape (3, 3), as columns; got "
             f"shape {directions.shape}"
+        )
+    if not np.abs(directions.T @ directions - np.eye(3)).max() < ROUGHLY:
+        raise InputError(
+            "expected_rotation must be directions of about unit length, about at right angles; got columns of lengths "
+            f"{np.round(np.linalg.norm(directions, axis=0), 3).tolist()}"
         )
     return tuple(map(tuple, directions.tolist()))
 

@@ -80,6 +80,8 @@ def _check_sightings(rows: Observations) -> None:
 
 def image_area(rows: Observations, image_size_px: tuple[int, ...] | None) -> Array:
     """(2, d), px: the least and the greatest corner of the image, or of the box that holds the points."""
+    if image_size_px is None and not len(rows):
+        return np.zeros((2, rows.dimension))  # `check_rows` says what is missing
     if image_size_px is None:
         return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])
     if len(image_size_px) != rows.dimension:

@@ -75,9 +75,11 @@ def _calibration(_: str, found: Calibration) -> Shown:
     import msgspec
 
     from sonocal.calibration import calibration_json
+    from sonocal.cli.report import json_with_verdict
     from sonocal.cli.screen.calibration import print_calibration
 
-    return msgspec.Raw(calibration_json(found)), lambda: print_calibration(console(), found)
+    whole = json_with_verdict(found, calibration_json(found))
+    return msgspec.Raw(whole), lambda: print_calibration(console(), found)
 
 
 def _observations(_: str, found: Observations) -> Shown:

@@ -14,6 +14,7 @@ __all__ = ["CENTRES", "Centre", "DetectionOptions"]
 
 Centre = Literal["head", "mass"]
 CENTRES: tuple[Centre, ...] = ("head", "mass")
+MOST = 10_000  # more candidates than an image has places for
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ def check_detection_options(count: Any, mask: Any, centre: Any) -> None:
         InputError: one does; the sentence names it and says what arrived.
     """
     whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
-    if count is not None and not (whole and count >= 1):
+    if count is not None and not (whole and 1 <= count <= MOST):
         raise InputError(f"count must be a whole number of candidates, 1 or more; got {count!r}")
     if mask is not None:
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.ndim != 2:
@@ -55,5 +56,5 @@ def check_detection_options(count: Any, mask: Any, centre: Any) -> None:
             )
         if not mask.any():
             raise InputError("the mask hides the whole image; give another one")
-    if centre is not None and centre not in CENTRES:
+    if centre is not None and not (isinstance(centre, str) and centre in CENTRES):
         raise InputError(f"centre must be one of {', '.join(CENTRES)}; got {centre!r}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from math import inf, isfinite
+from math import inf, nan
 from numbers import Real
 from typing import Any, Literal, Self
 
@@ -13,7 +13,7 @@ import numpy as np
 from sonocal import _core
 from sonocal.errors import InputError
 
-__all__ = ["Model", "Options", "Weighting", "positive_number", "whole_number"]
+__all__ = ["Model", "Options", "Weighting", "one_of", "positive_number", "whole_number"]
 
 Model = Literal["similarity", "anisotropic"]
 Weighting = Literal["likelihood", "geometric"]
@@ -21,6 +21,8 @@ Weighting = Literal["likelihood", "geometric"]
 CHOICES = {"model": ("similarity", "anisotropic"), "weighting": ("likelihood", "geometric")}
 MOST_SAMPLES = 2**30
 MOST_COMBINATIONS = 2**20
+# Whose products with three such numbers are finite still: what the core takes.
+LARGEST = 1e60
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,10 @@ class Options:
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise InputError(f"{name} must be one of {', '.join(choices)}; got {getattr(self, name)!r}")
-        if self.threshold_mm != "auto":
+            self._keep(name, one_of(name, getattr(self, name), choices))
+        if isinstance(self.threshold_mm, str) and self.threshold_mm == "auto":
+            self._keep("threshold_mm", "auto")  # of the very type, whatever kind of text it came as
+        else:
             self._keep("threshold_mm", positive_number("threshold_mm", self.threshold_mm, or_infinite=True))
         for name in ("sigma_px", "sigma_mm"):
             if (value := getattr(self, name)) is not None:
@@ -105,18 +108,40 @@ class Options:
             object.__setattr__(self, name, value)
 
 
+def one_of(name: str, value: Any, choices: tuple[str, ...]) -> str:
+    """A choice as plain text.
+
+    Raises:
+        InputError: it is none of them.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise InputError(f"{name} must be one of {', '.join(choices)}; got {value!r}")
+    return str(value)
+
+
 def positive_number(name: str, value: Any, *, or_infinite: bool = False) -> float:
     """A positive finite number as a float, whatever type of number it came as; True is none.
 
     Raises:
         InputError: it is no such number.
     """
-    if type(value) is float and 0 < value < inf:  # what a value is once it was checked: no need to ask more
+    if type(value) is float and 0 < value <= LARGEST:  # checked before: no need to ask more
         return value
-    number = isinstance(value, Real) and not isinstance(value, bool)
-    if not (number and value > 0 and (or_infinite or isfinite(value))):
-        raise InputError(f"{name} must be a positive number; got {value}")
-    return float(value)
+    number = _as_float(value)
+    if not (0 < number <= LARGEST or (or_infinite and number == inf)):
+        limit = f" up to {LARGEST:g}" if LARGEST < number < inf else ""
+        raise InputError(f"{name} must be a positive number{limit}; got {str(value)[:60]}")
+    return number
+
+
+def _as_float(value: Any) -> float:
+    """A number of whatever type as a float; NaN for what is none, or too large to be one."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return nan
+    try:
+        return float(value)
+    except OverflowError:
+        return nan
 
 
 def whole_number(name: str, value: Any, least: int, most: int) -> int:
