@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, Executor
-from contextlib import contextmanager
+from concurrent.futures import CancelledError, Executor, Future, InvalidStateError
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from sonocal.errors import InputError, UnsupportedError
@@ -93,8 +93,45 @@ def _ends_in_words(where: str) -> Iterator[None]:
 
 
 def _workers(client: Any) -> Workers:
-    executor: Executor = client.get_executor(pure=False)
-    return Workers(executor, lambda: max(1, sum(client.nthreads().values())))
+    return Workers(_ClientExecutor(client), lambda: _count(client))
+
+
+def _count(client: Any) -> int:
+    from distributed.comm.core import CommClosedError
+
+    try:
+        return max(1, int(sum(client.nthreads().values())))
+    except OSError as error:  # it does not answer any more
+        raise CommClosedError(str(error)) from None
+
+
+class _ClientExecutor(Executor):
+    """A client's workers as an executor.
+
+    Dask's own looks at a task's result and then at its state, between which a worker may die with the result: what it
+    passes on then is an error. Here the result is asked for, and waited for where it must be computed again.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, function: Any, /, *arguments: Any, **keywords: Any) -> Future[Any]:
+        """Have one of the workers do it."""
+        theirs = self._client.submit(function, *arguments, **keywords, pure=False)
+        ours: Future[Any] = Future()
+        theirs.add_done_callback(lambda done: _pass_on(done, ours))
+        ours.add_done_callback(lambda done: theirs.cancel() if done.cancelled() else None)
+        return ours
+
+
+def _pass_on(theirs: Any, ours: Future[Any]) -> None:
+    with suppress(InvalidStateError):  # given up meanwhile
+        try:
+            ours.set_result(theirs.result())
+        except InvalidStateError:
+            raise
+        except BaseException as error:
+            ours.set_exception(error)
 
 
 def _check_versions(client: Any) -> None:
