@@ -89,7 +89,7 @@ Pass pass_over(const NoiseModel& noise, const Transform& at, Variances levels, i
     const bool loses = robustify(block, lost);
     pass.fit.add(block);
     if (!for_levels) {
-      if (noise.rows().dimension() == 3) pass.fit.add_linear(block, block.pull, block.column_pull);
+      pass.fit.add_linear(block, block.pull, block.column_pull);
       continue;
     }
     if (loses) {

@@ -35,9 +35,9 @@ struct IndependentBlock : Block {
   alignas(64) double huber[kRows];  // sightings that are too far off count less by this
   int first_row[kRows];             // the table's first row of the sighting
 
-  // 3D probes: of sum r^2 / v half the derivative through the variances v, by S x + h t of every row, and by
-  // the columns of S besides. A fit that leaves it out takes noise in a needle's direction for a reason to
-  // shrink. Of points of a 2D probe, which see no direction, there is nothing to gain from it.
+  // Of sum r^2 / v half the derivative through the variances v, by S x + h t of every row, and by the columns
+  // of S besides. A fit that leaves it out takes noise in a needle's direction, and of needles through a narrow
+  // port noise of any kind, for a reason to shrink.
   alignas(64) double pull[3][kRows];
   Vector3d column_pull[3];
 };
