@@ -25,6 +25,8 @@ struct NoiseSums {
   std::vector<int> kept;
   Out<double> expected, observed, of_offsets, covariance;
   double freedom = 0;
+  Out<double> from_noise, by_ratio;
+  double ratio_variance = 0;
 };
 
 TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Options& options) {
@@ -52,7 +54,7 @@ Out<double> stacked(const std::vector<TangentMatrix>& matrices, std::size_t side
   return make_array(std::move(values), {matrices.size(), side, side});
 }
 
-// Derivatives of log variances by the levels that were estimated; geometric: by the one level there is.
+// Derivatives of log variances by those of the levels' squares that were estimated; geometric: by the one there is.
 Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options, bool known_px,
                             bool known_mm) {
   Eigen::MatrixX2d out = white.by_level;
@@ -61,8 +63,8 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
     out.col(1).setZero();
     return out;
   }
-  if (known_px) out.col(0).setZero();
-  if (known_mm) out.col(1).setZero();
+  out.col(0) *= known_px ? 0 : options.levels.px * options.levels.px;
+  out.col(1) *= known_mm ? 0 : options.levels.mm * options.levels.mm;
   return out;
 }
 
@@ -76,9 +78,10 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
   const std::vector<const std::int32_t*> codes = checked_codes(groupings, table);
   SharedErrors shared;
   WiderCovariance wider;
+  WhiteResiduals white;
   {
     nb::gil_scoped_release unlocked;
-    const WhiteResiduals white = white_residuals(table, rows, at, options);
+    white = white_residuals(table, rows, at, options);
     // With the likelihood's weights, what the points of one sighting share is in the weights already.
     const bool weighted = options.weighting == Weighting::kLikelihood;
     const std::size_t units =
@@ -91,7 +94,10 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
           to_numpy(shared.observed),
           stacked(shared.of_offsets, covariance.shape(0)),
           to_numpy(wider.covariance),
-          wider.freedom};
+          wider.freedom,
+          stacked({white.from_noise[0], white.from_noise[1]}, covariance.shape(0)),
+          to_numpy(white.by_ratio),
+          wider.ratio_variance};
 }
 
 int py_stretch_length(const In<double, nb::shape<-1, 3>>& residuals, const Codes& frames) {
@@ -127,7 +133,10 @@ void bind_noise(nb::module_& m) {
       .def_ro("observed", &NoiseSums::observed, owned)
       .def_ro("of_offsets", &NoiseSums::of_offsets, owned)
       .def_ro("covariance", &NoiseSums::covariance, owned)
-      .def_ro("freedom", &NoiseSums::freedom);
+      .def_ro("freedom", &NoiseSums::freedom)
+      .def_ro("from_noise", &NoiseSums::from_noise, owned)
+      .def_ro("by_ratio", &NoiseSums::by_ratio, owned)
+      .def_ro("ratio_variance", &NoiseSums::ratio_variance);
   nb::class_<Extent>(m, "Extent")
       .def_ro("direction_spread", &Extent::direction_spread)
       .def_ro("meeting_distance", &Extent::meeting_distance)
