@@ -26,7 +26,7 @@ struct NoiseSums {
   Out<double> expected, observed, of_offsets, covariance;
   double freedom = 0;
   Out<double> from_noise, by_ratio;
-  double ratio_variance = 0;
+  double ratio_variance = 0, px_share = 0;
 };
 
 TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Options& options) {
@@ -97,7 +97,8 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
           wider.freedom,
           stacked({white.from_noise[0], white.from_noise[1]}, covariance.shape(0)),
           to_numpy(white.by_ratio),
-          wider.ratio_variance};
+          wider.ratio_variance,
+          white.by_level.col(0).mean() * options.levels.px * options.levels.px};
 }
 
 int py_stretch_length(const In<double, nb::shape<-1, 3>>& residuals, const Codes& frames) {
@@ -136,7 +137,8 @@ void bind_noise(nb::module_& m) {
       .def_ro("freedom", &NoiseSums::freedom)
       .def_ro("from_noise", &NoiseSums::from_noise, owned)
       .def_ro("by_ratio", &NoiseSums::by_ratio, owned)
-      .def_ro("ratio_variance", &NoiseSums::ratio_variance);
+      .def_ro("ratio_variance", &NoiseSums::ratio_variance)
+      .def_ro("px_share", &NoiseSums::px_share);
   nb::class_<Extent>(m, "Extent")
       .def_ro("direction_spread", &Extent::direction_spread)
       .def_ro("meeting_distance", &Extent::meeting_distance)

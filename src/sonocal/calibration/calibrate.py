@@ -20,6 +20,7 @@ from sonocal.findings import Findings
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.ambiguity import rival_of
+from sonocal.registration.degeneracy import refuse_apparent
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import estimate_noise
 
@@ -84,10 +85,12 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     table, fit, mirrored = fit_rows(rows, asked)
     mapped, used = MappedRows(fit.transform, table), asked.resolved(fit.threshold_mm)
 
-    # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
+    # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well. Where noise alone
+    # may hold a motion, not at all.
     groupings = groupings_of(mapped, fit, rows.split)
     known = {"known_px": table.level_px(used.sigma_px) > 0, "known_mm": table.level_mm(used.sigma_mm) > 0}
     noise = estimate_noise(table, fit, groupings.labels, **known)
+    refuse_apparent(table, fit.inlier, noise.apparent)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     if rival is not None:
         noise = replace(noise, covariance=noise.covariance + rival.covariance)

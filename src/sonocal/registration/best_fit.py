@@ -37,7 +37,7 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     # hide it, are known.
     refuse_degenerate_lines(rows)
     fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
-    if fit.least_information < SUSPICIOUS_INFORMATION:
+    if fit.least_information < SUSPICIOUS_INFORMATION and fit.inlier.any():
         refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)
     if np.count_nonzero(fit.inlier) < min(MINIMAL_ROWS, len(rows)):
@@ -51,7 +51,8 @@ def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
     agreeing = f"{np.count_nonzero(fit.inlier)} of {len(rows)} rows are within {fit.threshold_mm:.3g} mm of their lines"
     if near is not None:
         raise DegenerateGeometryError(
-            f"only {agreeing} once refined: {near.cause}; {near.advice}", code="free-motion"
+            f"only {agreeing} once refined: {near.cause}, and of lines that did so exactly {near.free}; {near.advice}",
+            code=near.code,
         )
     raise NoConsensusError(
         f"only {agreeing} once refined; check that rows are matched to the right needle poses",

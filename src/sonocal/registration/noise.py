@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import Array, AxisScaled
+from sonocal.registration.apparent import Apparent
 from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows, to_core
 
@@ -31,6 +32,8 @@ class Noise:
         freedom: as many residuals to spare would make a known weighting as sure as this covariance is.
         sigma_px: of an image point, px, where the weights are the likelihood's; else None.
         sigma_mm: of a segment's end point, mm; likewise.
+        apparent: of what the rows seem to say of the motion that they hold least, how much noise alone may have given:
+            from 0; at 1 nothing else need be there.
         shared_mm: by grouping ("frame", "target", "stretch"), of an offset that all rows of a group share. A
             grouping that the data cannot tell from the rest is absent.
     """
@@ -40,6 +43,7 @@ class Noise:
     freedom: int
     sigma_px: float | None = None
     sigma_mm: float | None = None
+    apparent: float = 0.0
     shared_mm: dict[str, float] = field(default_factory=dict)
 
 
@@ -104,13 +108,15 @@ def estimate_noise(
     covariance = unit * sums.covariance
     for place, variance in variances.items():
         covariance = covariance + variance * sums.of_offsets[place]
+    apparent = Apparent.of(sums, fit.covariance, unit)
+    covariance = apparent.corrected(covariance)
     squares = float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / freedom
     row_mm = sqrt(squares * unit * freedom / total) if total > 0 else 0.0
     names = list(groupings)
     shared_mm = {names[sums.kept[place]]: sqrt(variance) for place, variance in variances.items()}
     # One level alone leaves a whole number to rounding: 5 must not come out as 4.
     whole = int(min(freedom, sums.freedom * (1.0 + 1e-9)))
-    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, shared_mm)
+    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, apparent.share(freedom // 2), shared_mm)
 
 
 def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
