@@ -11,6 +11,7 @@ from sonocal.registration.degeneracy import (
     near_degeneracy,
     refuse_degenerate_lines,
     refuse_free_motion,
+    refuse_nearly_degenerate,
 )
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
@@ -36,10 +37,16 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
     # hide it, are known.
     refuse_degenerate_lines(rows)
-    fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
+    try:
+        fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
+    except NoConsensusError as error:
+        refuse_nearly_degenerate(rows, str(error))
+        raise
     if fit.least_information < SUSPICIOUS_INFORMATION and fit.inlier.any():
         refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)
+    if not fit.converged:
+        refuse_nearly_degenerate(rows, "the refinement did not come to rest")
     if np.count_nonzero(fit.inlier) < min(MINIMAL_ROWS, len(rows)):
         _refuse_scattered(rows, fit)
     return fit, mirrored

@@ -19,6 +19,7 @@ __all__ = [
     "refuse_apparent",
     "refuse_degenerate_lines",
     "refuse_free_motion",
+    "refuse_nearly_degenerate",
 ]
 
 # Angles (rad) and lengths (relative to the scene) below which lines count as exactly parallel, meeting or
@@ -30,6 +31,9 @@ FREE_INFORMATION = 1e-12
 # Angle, and rms length relative to the scene, below which weakness is laid to a configuration.
 NEAR_CONE_DEG = 30.0
 NEAR = 0.15
+# Of that, what is so near that it, and nothing else, is why no calibration is found: 0.3 mm in 150 mm of a needle's
+# length turn it by a tenth of this, 1 mm about a port is two thirds of it.
+NEAREST = 0.15
 # Below this the configuration may be one of those above: their information is the square of their angle or length.
 SUSPICIOUS_INFORMATION = 1e-5
 # Share of what rows seem to say of a motion that noise may have given, at which nothing is said any more: above it
@@ -131,6 +135,24 @@ def near_degeneracy(rows: PointLineRows, chosen: NDArray[np.bool_]) -> NearDegen
             found += [_near_image_line(*extent.points.tolist()[:2])]
     nearest = min(found, key=lambda near: near.nearness)
     return nearest if nearest.nearness < 1 else None
+
+
+def refuse_nearly_degenerate(rows: PointLineRows, found: str) -> None:
+    """Raise if all rows are so near to a configuration of section 7 that no fit of them can be sound.
+
+    Args:
+        rows: points and lines.
+        found: why the fit is not, in words.
+
+    Raises:
+        DegenerateGeometryError: with the configuration's code.
+    """
+    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
+    if near is not None and near.nearness < NEAREST:
+        raise DegenerateGeometryError(
+            f"{near.cause}, and of lines that did so exactly {near.free}; {found.partition(';')[0]}; {near.advice}",
+            code=near.code,
+        )
 
 
 def _near_parallel(cone_deg: float) -> NearDegeneracy:
