@@ -8,6 +8,7 @@
 
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
+#include "sonocal/estimate/apparent.hpp"
 #include "sonocal/estimate/extent.hpp"
 #include "sonocal/estimate/residual_vectors.hpp"
 #include "sonocal/estimate/shared_errors.hpp"
@@ -25,8 +26,8 @@ struct NoiseSums {
   std::vector<int> kept;
   Out<double> expected, observed, of_offsets, covariance;
   double freedom = 0;
-  Out<double> from_noise, by_ratio;
-  double ratio_variance = 0, px_share = 0;
+  Out<double> widening, moved;
+  double apparent = 0;
 };
 
 TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Options& options) {
@@ -78,16 +79,18 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
   const std::vector<const std::int32_t*> codes = checked_codes(groupings, table);
   SharedErrors shared;
   WiderCovariance wider;
-  WhiteResiduals white;
+  Apparent apparent;
   {
     nb::gil_scoped_release unlocked;
-    white = white_residuals(table, rows, at, options);
+    const WhiteResiduals white = white_residuals(table, rows, at, options);
     // With the likelihood's weights, what the points of one sighting share is in the weights already.
     const bool weighted = options.weighting == Weighting::kLikelihood;
     const std::size_t units =
         weighted ? std::set<std::int32_t>(white.row.begin(), white.row.end()).size() : white.row.size() / 2;
     shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
     wider = small_sample_covariance(white, by_unknown(white, options, known_px, known_mm), of_tangent);
+    const double px_share = white.by_level.col(0).mean() * options.levels.px * options.levels.px;
+    apparent = apparent_of(white, px_share, wider.ratio_variance, of_tangent);
   }
   return {shared.kept,
           to_numpy(shared.expected),
@@ -95,10 +98,9 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
           stacked(shared.of_offsets, covariance.shape(0)),
           to_numpy(wider.covariance),
           wider.freedom,
-          stacked({white.from_noise[0], white.from_noise[1]}, covariance.shape(0)),
-          to_numpy(white.by_ratio),
-          wider.ratio_variance,
-          white.by_level.col(0).mean() * options.levels.px * options.levels.px};
+          to_numpy(apparent.widening),
+          to_numpy(apparent.moved),
+          apparent.share};
 }
 
 int py_stretch_length(const In<double, nb::shape<-1, 3>>& residuals, const Codes& frames) {
@@ -135,10 +137,9 @@ void bind_noise(nb::module_& m) {
       .def_ro("of_offsets", &NoiseSums::of_offsets, owned)
       .def_ro("covariance", &NoiseSums::covariance, owned)
       .def_ro("freedom", &NoiseSums::freedom)
-      .def_ro("from_noise", &NoiseSums::from_noise, owned)
-      .def_ro("by_ratio", &NoiseSums::by_ratio, owned)
-      .def_ro("ratio_variance", &NoiseSums::ratio_variance)
-      .def_ro("px_share", &NoiseSums::px_share);
+      .def_ro("widening", &NoiseSums::widening, owned)
+      .def_ro("moved", &NoiseSums::moved, owned)
+      .def_ro("apparent", &NoiseSums::apparent);
   nb::class_<Extent>(m, "Extent")
       .def_ro("direction_spread", &Extent::direction_spread)
       .def_ro("meeting_distance", &Extent::meeting_distance)

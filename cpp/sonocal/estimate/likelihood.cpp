@@ -83,7 +83,7 @@ Pass pass_over(const NoiseModel& noise, const Transform& at, Variances levels, i
   Pass pass(noise.rows().dimension());
   IndependentBlock block;
   Block lost;
-  NoiseBlocks blocks(noise, at, levels, step);
+  NoiseBlocks blocks(noise, at, levels, step, !for_levels);
   while (blocks.next(block)) {
     pass.residuals += 2 * block.count;
     const bool loses = robustify(block, lost);

@@ -91,8 +91,10 @@ class NoiseModel {
 // The independent rows of every n-th sighting, block after block.
 class NoiseBlocks {
  public:
-  NoiseBlocks(const NoiseModel& model, const Transform& at, Variances levels, int step = 1)
-      : model_(model), at_(at), levels_(levels), step_(step) {}
+  // pulls: of points of a 2D probe, too.
+  NoiseBlocks(const NoiseModel& model, const Transform& at, Variances levels, int step = 1,
+              bool pulls = false)
+      : model_(model), at_(at), levels_(levels), step_(step), pulls_(pulls) {}
   bool next(IndependentBlock& block);  // false: there are no more
 
  private:
@@ -112,6 +114,7 @@ class NoiseBlocks {
   const Transform at_;
   const Variances levels_;
   const std::size_t step_;
+  const bool pulls_;
   std::size_t single_ = 0, pair_ = 0, other_ = 0;
   std::vector<Combination> waiting_;
 };

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import Array, AxisScaled
-from sonocal.registration.apparent import Apparent
 from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows, to_core
 
@@ -72,6 +71,9 @@ def estimate_noise(
     to their expectations after the fit has taken its part (analysis of variance with the fit's 7 or 8
     parameters as covariates).
 
+    Noise is in J, too. An answer that is freed of its pull (`fit_point_lines`) is less sure than J'J says, which
+    holds the noise's square; that is taken out, and what is unknown of the levels' ratio is added.
+
     Args:
         rows: points and lines.
         fit: of which only the agreeing rows count.
@@ -108,15 +110,14 @@ def estimate_noise(
     covariance = unit * sums.covariance
     for place, variance in variances.items():
         covariance = covariance + variance * sums.of_offsets[place]
-    apparent = Apparent.of(sums, fit.covariance, unit)
-    covariance = apparent.corrected(covariance)
+    covariance = sums.widening @ covariance @ sums.widening.T + np.outer(sums.moved, sums.moved)
     squares = float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / freedom
     row_mm = sqrt(squares * unit * freedom / total) if total > 0 else 0.0
     names = list(groupings)
     shared_mm = {names[sums.kept[place]]: sqrt(variance) for place, variance in variances.items()}
     # One level alone leaves a whole number to rounding: 5 must not come out as 4.
     whole = int(min(freedom, sums.freedom * (1.0 + 1e-9)))
-    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, apparent.share(freedom // 2), shared_mm)
+    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, sums.apparent, shared_mm)
 
 
 def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
