@@ -43,15 +43,16 @@ Apparent apparent_of(const WhiteResiduals& white, double px_share, double ratio_
   const Powers both = powers_of(of_px + of_mm);
   const double doubt = std::sqrt(std::max(ratio_variance, 0.0));
   Apparent out;
-  out.widening = both.series;
+  // At a share of one the series has no sum, and nobody is told an error.
+  out.widening = both.greatest < 1 ? both.series : TangentMatrix::Identity(covariance.rows(), covariance.cols());
   out.moved = doubt * out.widening.lazyProduct(covariance.lazyProduct(white.by_ratio).eval());
   out.share = both.greatest;
-  if (doubt > 0) {
-    const double px = powers_of(of_px).greatest, mm = powers_of(of_mm).greatest;
-    const double most = std::exp(std::min(kDeviations * doubt, kMostDoubt));
-    // The ratio is another by so much, the variance of both together the same.
-    for (const double by : {1 / most, most})
-      out.share = std::max(out.share, px / (px_share + (1 - px_share) / by) + mm / (px_share * by + 1 - px_share));
+  // The ratio is another by so much, the variance of both together the same.
+  const double most = std::exp(std::min(kDeviations * doubt, kMostDoubt));
+  for (const double by : {1 / most, most}) {
+    if (by == 1) continue;
+    const double px = 1 / (px_share + (1 - px_share) / by), mm = 1 / (px_share * by + 1 - px_share);
+    out.share = std::max(out.share, powers_of(px * of_px + mm * of_mm).greatest);
   }
   out.share *= 1 + kDeviations * std::sqrt(2 / std::max(1.0, 0.5 * freedom));
   return out;

@@ -30,6 +30,7 @@ class Sigma(msgspec.Struct):
     segment_mm: float | None
     shared_mm: dict[str, float]
     freedom: int
+    apparent: float = 0.0
 
 
 class Record(msgspec.Struct, kw_only=True):

@@ -36,10 +36,10 @@ NEAR = 0.15
 NEAREST = 0.15
 # Below this the configuration may be one of those above: their information is the square of their angle or length.
 SUSPICIOUS_INFORMATION = 1e-5
-# Share of what rows seem to say of a motion that noise may have given, at which nothing is said any more: above it
-# errors of answers through a narrow port are stated too small (benchmarks/near_degenerate.py), and of scans with
-# tilts of 15 degrees and more the share is a hundredth at most.
-MOST_APPARENT = 0.4
+# Share of what rows seem to say of a motion that noise may have given, at which nothing is said any more: from half on
+# errors of answers through a narrow port are stated too small (benchmarks/degenerate.py). Of scans with tilts of 15
+# degrees and more it is a thousandth, and a fortieth at most.
+MOST_APPARENT = 0.5
 
 
 def refuse_degenerate_lines(rows: PointLineRows, chosen: NDArray[np.bool_] | None = None) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite, sqrt
 from typing import Any
 
@@ -113,11 +113,22 @@ def estimate_noise(
     covariance = sums.widening @ covariance @ sums.widening.T + np.outer(sums.moved, sums.moved)
     squares = float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / freedom
     row_mm = sqrt(squares * unit * freedom / total) if total > 0 else 0.0
+    apparent = sums.apparent if weighted else _apparent_of_unweighted(rows, fit, row_mm)
     names = list(groupings)
     shared_mm = {names[sums.kept[place]]: sqrt(variance) for place, variance in variances.items()}
     # One level alone leaves a whole number to rounding: 5 must not come out as 4.
     whole = int(min(freedom, sums.freedom * (1.0 + 1e-9)))
-    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, sums.apparent, shared_mm)
+    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, apparent, shared_mm)
+
+
+def _apparent_of_unweighted(rows: PointLineRows, fit: Fit, row_mm: float) -> float:
+    """Of a fit that knows no levels: such as give residuals of this size (mm per axis), whatever their ratio."""
+    if not row_mm > 0:
+        return 0.0
+    levels = row_mm / (sqrt(2.0) * float(fit.transform.scales.mean())), row_mm
+    options = replace(fit.options, weighting="likelihood").to_core(*levels)
+    about = to_core(fit.transform), options, row_mm**2 * fit.covariance, []
+    return _core.noise_sums(rows.core, fit.inlier, *about, known_px=False, known_mm=False).apparent
 
 
 def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
