@@ -40,6 +40,8 @@ SUSPICIOUS_INFORMATION = 1e-5
 # errors of answers through a narrow port are stated too small (benchmarks/degenerate.py). Of scans with tilts of 15
 # degrees and more it is a thousandth, and a fortieth at most.
 MOST_APPARENT = 0.5
+# So few rows tell nothing of the noise; what is said of them is that none is left to check the answer.
+FEWEST_TOLD = 4
 
 
 def refuse_degenerate_lines(rows: PointLineRows, chosen: NDArray[np.bool_] | None = None) -> None:
@@ -209,7 +211,7 @@ def refuse_apparent(rows: PointLineRows, chosen: NDArray[np.bool_], apparent: fl
     Raises:
         DegenerateGeometryError: with the code of the configuration that the rows are nearest to.
     """
-    if apparent < MOST_APPARENT:
+    if apparent < MOST_APPARENT or np.count_nonzero(chosen) <= FEWEST_TOLD:
         return
     near = near_degeneracy(rows, chosen)
     if near is None:
