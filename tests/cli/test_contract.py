@@ -216,7 +216,7 @@ def test_every_option_says_in_words_what_it_does(name):
 
 
 WITH_JSON = {
-    "calibrate": ["calibrate", "table.csv", "-o", "out", "--no-report"],
+    "calibrate": ["calibrate", "table.csv", "-o", "out", "--no-report", "--overwrite"],
     "validate": ["validate", "calibration.json", "table.csv", "--no-report"],
     "info of a table": ["info", "table.csv"],
     "info of a calibration": ["info", "calibration.json"],

@@ -9,6 +9,8 @@ import click
 
 from sonocal.cli.from_recording import (
     OF_DETECTION,
+    SHEET,
+    TABLE,
     Result,
     from_recording,
 )
@@ -32,6 +34,7 @@ from sonocal.cli.options import (
     seed,
     typed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.errors import InputError
 
@@ -101,6 +104,7 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
 @seed("the random samples")
 @SCANNER
 @NO_REPORT
+@OVERWRITE
 @JSON
 def calibrate(
     source: Path,
@@ -108,6 +112,7 @@ def calibrate(
     *,
     lines: Path | None,
     report: bool,
+    overwrite: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -128,9 +133,10 @@ def calibrate(
     from sonocal.calibration import calibration_json
     from sonocal.cli.report import report_files
     from sonocal.cli.screen.calibration import print_calibration
-    from sonocal.files import write_into_folder
 
     _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
+    if source.exists():  # else a reader says so
+        reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
     recorded = {name: options.pop(name) for name in OF_RECORDINGS}
     result = (
         _from_table(source, options)
@@ -142,12 +148,18 @@ def calibrate(
     files = {"calibration.json": content, **result.files}
     if report:
         files |= report_files(found, result.rows, frames=pictures(result))
-    write_into_folder(output, files)
+    write_results(output, files)
     if as_json:
         click.echo(json_with_verdict(found, content), nl=False)
         return
     print_calibration(console(), found)
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
+
+
+def _names(points: Path | None, *, recording: bool, report: bool) -> tuple[str, ...]:
+    """What will be written: known before the work is done."""
+    names = ("calibration.json", "report.html") if report else ("calibration.json",)
+    return names + ((TABLE, SHEET) if recording and points is None else (TABLE,) if recording else ())
 
 
 def _refuse_mixture(*, recording: bool, given: bool) -> None:

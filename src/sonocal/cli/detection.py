@@ -22,6 +22,7 @@ from sonocal.cli.options import (
     progress,
     seed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve
 
 __all__ = ["COMMANDS"]
 
@@ -76,13 +77,15 @@ __all__ = ["COMMANDS"]
     "--overlay", is_flag=True, help="Draw text and a ruler over the images, as in a screen capture."
 )
 @seed("everything random")
-def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
+@OVERWRITE
+def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options: Any) -> None:
     """Write a simulated recording with known truth: sweep.igs.mha, needle.toml, truth.json."""
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
-    from sonocal.simulation.sweep_files import write_sweep
+    from sonocal.simulation.sweep_files import SWEEP_FILES, write_sweep
     from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, SMALL_PARTS_BATH, Look
     from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
 
+    reserve(*(output / name for name in SWEEP_FILES))
     probes: dict[str, Callable[[], ProbeGeometry]] = {
         "curvilinear": curvilinear,
         "linear": linear,
@@ -111,7 +114,10 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
 @PROBE
 @LATENCY
 @INVALID
-def detect(recording: Path, lines: Path | None, output: Path, sheet: Path | None, **options: Any) -> None:
+@OVERWRITE
+def detect(
+    recording: Path, lines: Path | None, output: Path, sheet: Path | None, *, overwrite: bool, **options: Any
+) -> None:
     """Find the needle in a recording's images: several candidates an image, best first, as a table of sightings.
 
     At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
@@ -129,11 +135,14 @@ def detect(recording: Path, lines: Path | None, output: Path, sheet: Path | None
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
+    files = [output, *([] if sheet is None else [sheet])]
+    reserve(*files)
     loaded = read_recording(recording, options["poses"], options["latency_s"], options["on_invalid"])
     known, fixed = read_lines(lines)
     with progress("detecting") as report:
         look = detection.DetectionOptions(**looking(loaded, options))
         found = detection.detect(loaded, look, report)
+    reserve(*files)
     if sheet is not None:
         write_atomically(sheet, png(contact_sheet(loaded, found)))
     if len(found) == 0:

@@ -14,6 +14,7 @@ from sonocal.cli.options import (
     progress,
     typed,
 )
+from sonocal.cli.outputs import reserve
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
@@ -24,12 +25,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "OF_DETECTION",
+    "SHEET",
+    "TABLE",
     "Result",
     "from_recording",
     "looking",
 ]
 
-TABLE, SHEET = "observations.csv", "contact-sheet.png"
+TABLE, SHEET, REFUSED_SHEET = "observations.csv", "contact-sheet.png", "refused-contact-sheet.png"
 OF_DETECTION, FILES = ("count", "centre", "mask"), ("points", "poses", "mask")
 BY_DATA = ("threshold_mm", "weighting")
 """Left to what suits lines and images, unless asked for: lines that are close to one another ask for less."""
@@ -102,7 +105,6 @@ def _from_points(recording: Recording, lines: Sequence[Line], points: Path, how:
 
 def _from_images(recording: Recording, lines: Sequence[Line], output: Path, how: dict[str, Any]) -> Result:
     """Find the needle in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
-    from sonocal.files import write_into_folder
     from sonocal.files.png import png
     from sonocal.sweep import Sweep
     from sonocal.sweep.contact_sheet import contact_sheet
@@ -113,11 +115,20 @@ def _from_images(recording: Recording, lines: Sequence[Line], output: Path, how:
     try:
         found = sweep.calibrate(seen)
     except SonocalError:
-        write_into_folder(output, {SHEET: png(contact_sheet(recording, seen))})
-        click.echo(f"Note: {output / SHEET} shows the candidates", err=True)
+        _show_candidates(output, png(contact_sheet(recording, seen)))
         raise
     sheet = png(contact_sheet(recording, seen, found.observations))
     return Result(found.observations, found.calibration, {SHEET: sheet})
+
+
+def _show_candidates(output: Path, sheet: bytes) -> None:
+    """Where no calibration was found: a sheet of what there was to choose from, beside no other run's calibration."""
+    from sonocal.files import write_into_folder
+
+    name = REFUSED_SHEET if (output / "calibration.json").exists() else SHEET
+    reserve(output / name, replaced=name == REFUSED_SHEET)
+    write_into_folder(output, {name: sheet})
+    click.echo(f"Note: {output / name} shows the candidates", err=True)
 
 
 def _with_provenance(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sonocal.cli.outputs import reserve
 from sonocal.errors import UnsupportedError
 
 if TYPE_CHECKING:
@@ -72,6 +73,8 @@ def study(
     changes = {"trials": trials, "seed": seed}
     loaded = load_study(name, **{key: value for key, value in changes.items() if value is not None})
     folder = output or Path(f"study-{loaded.name}")
+    if not (folder / "manifest.json").exists():
+        reserve(*(folder / name for name in ("summary.csv", "summary.json", f"{loaded.name}.png")))
     with _workers(workers, scheduler) as who, _progress(loaded.name) as progress:
         store = run_study(loaded, folder, who, progress=progress)
     rows = summarise(store)

@@ -14,6 +14,7 @@ from sonocal.cli.options import (
     console,
     seed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,8 +85,11 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
 @INVALID
 @seed("the random triples of poses")
+@OVERWRITE
 @JSON
-def tool(recording: Path | None, *, output: Path | None, as_json: bool, **options: Any) -> None:
+def tool(
+    recording: Path | None, *, output: Path | None, overwrite: bool, as_json: bool, **options: Any
+) -> None:
     """Calibrate a tracked tool: where its tip and its shaft are in its marker's frame.
 
     \b
@@ -112,10 +116,12 @@ def tool(recording: Path | None, *, output: Path | None, as_json: bool, **option
     )
 
     _refuse_half_a_stylus(options)
+    reserve(*([] if output is None else [output]))
     options |= _parts(recording, options)
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
     found = calibrate_tool(options.pop("tool_name"), **options)
     if output is not None:
+        reserve(output)
         write_atomically(output, tool_toml(found, str(output)))
     if as_json:
         click.echo(_json(found))

@@ -15,6 +15,7 @@ from sonocal.cli.options import (
     console,
     seed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
 @SCANNER
 @seed("the resampling")
 @NO_REPORT
+@OVERWRITE
 @JSON
 def validate(
     calibration: Path,
@@ -70,6 +72,7 @@ def validate(
     compare: Path | None,
     scanner_mm_per_px: float | None,
     report: bool,
+    overwrite: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -89,6 +92,9 @@ def validate(
     from sonocal.files import read_bytes, write_into_folder
 
     found = load_calibration(calibration)
+    folder = calibration.parent if output is None else output
+    if report:
+        _reserve_report(folder, calibration, found)
     other = None if compare is None else load_calibration(compare)
     content = read_bytes(table)
     known = {
@@ -98,7 +104,6 @@ def validate(
     numbers, rows = _numbers(found, content, table.name, known=known, **options)
     comparison = None if other is None else _compared(found, other)
     files = report_files(found, rows, numbers, comparison) if report else {}
-    folder = calibration.parent if output is None else output
     write_into_folder(folder, files)
     if as_json:
         click.echo(_json(found, numbers, comparison))
@@ -106,6 +111,20 @@ def validate(
     _print(found, numbers, comparison)
     for name in files:
         click.echo(f"Wrote {folder / name}")
+
+
+def _reserve_report(folder: Path, path: Path, calibration: Calibration) -> None:
+    """A report takes the place of an earlier one of the same calibration, and stands beside no other calibration."""
+    from sonocal.files import read_bytes
+    from sonocal.report import is_report_of
+
+    beside, page = folder / path.name, folder / "report.html"
+    for other in {folder / "calibration.json", beside}:
+        if other.exists() and not other.samefile(path):
+            raise InputError(
+                f"{folder}: holds another calibration, {other.name}; choose another folder with -o"
+            )
+    reserve(page, replaced=page.is_file() and is_report_of(read_bytes(page), calibration))
 
 
 def _numbers(

@@ -6,7 +6,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import BinaryIO
 
@@ -135,20 +135,43 @@ def write_atomically(path: str | Path, content: bytes) -> None:
 
 
 def write_into_folder(folder: str | Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder, which is made if it is absent.
+    """Write files into a folder, which is made if it is absent: none appears before all of them are on the disk.
 
     Raises:
         InputError: the folder cannot be made or a file cannot be written.
     """
-    folder = Path(folder)
+    make_folder(folder)
+    with ExitStack() as stack:
+        for name, content in files.items():
+            file = stack.enter_context(writing(Path(folder) / name))
+            file.write(content)
+            file.flush()
+
+
+def make_folder(folder: str | Path) -> None:
+    """Make a folder, and those above it, if it is absent.
+
+    Raises:
+        InputError: it cannot be made.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be made a folder ({error.strerror}); choose another place"
         ) from None
-    for name, content in files.items():
-        write_atomically(folder / name, content)
+
+
+def remove(path: Path) -> None:
+    """Remove a file.
+
+    Raises:
+        InputError: it cannot be removed.
+    """
+    try:
+        path.unlink()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be replaced ({error.strerror}); choose another place") from None
 
 
 def _umask() -> int:
