@@ -19,7 +19,7 @@ from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.findings import Diagnostic, Findings
-from sonocal.geometry import Array, AxisScaled, Similarity, area_places
+from sonocal.geometry import Array, AxisScaled, Similarity, area_places, frozen, real_array
 from sonocal.registration.noise import Noise
 from sonocal.registration.options import Model
 from sonocal.registration.uncertainty import point_covariance, radius_95
@@ -61,6 +61,11 @@ class Calibration:
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        for array in (self.covariance, self.area_px, self.residuals_mm, self.inlier):
+            if array is not None:
+                frozen(array)
+
     @property
     def dimension(self) -> int:
         """2 for a 2D probe, 3 for a 3D probe."""
@@ -97,8 +102,16 @@ class Calibration:
             from the calibration's uncertainty alone (add the noise of the point itself).
 
         Raises:
+            InputError: the points are no such array of numbers.
             UnsupportedError: the calibration has no covariance.
         """
+        points_px = real_array("points_px", points_px)
+        if points_px.ndim != 2 or points_px.shape[1] not in {3, self.dimension}:
+            wanted = "(N, 2)" if self.dimension == 2 else "(N, 3)"
+            raise InputError(
+                f"points_px must have shape {wanted}, a row a point of the {self.dimension}D image; got shape "
+                f"{points_px.shape}"
+            )
         if self.covariance is None:
             raise UnsupportedError(
                 "this calibration has no row to spare and so no covariance; calibrate with more sightings"

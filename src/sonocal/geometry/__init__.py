@@ -1,5 +1,6 @@
 """Similarities, segments and lines, and the image among them: the nouns of the package."""
 
+from sonocal.geometry.arrays import frozen, real_array
 from sonocal.geometry.image import (
     area_places,
     image_crossings,
@@ -22,12 +23,14 @@ __all__ = [
     "AxisScaled",
     "Similarity",
     "area_places",
+    "frozen",
     "homogeneous_points",
     "image_crossings",
     "needle_in_image",
     "needle_in_volume",
     "predicted_needles",
     "predicted_points",
+    "real_array",
     "segment_directions",
     "similarity_errors",
 ]

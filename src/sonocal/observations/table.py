@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
-from sonocal.geometry import Array
+from sonocal.geometry import Array, frozen, real_array
 
 __all__ = [
     "Observations",
@@ -27,6 +27,9 @@ SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
 
 COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
 """What has one entry a row."""
+
+# In px or mm: no room is that large, and squares of squares of it are numbers still.
+FURTHEST = 1e9
 
 _DEFAULT: Any = None  # filled in by the constructor
 
@@ -67,8 +70,10 @@ class Observations:
 
     def __post_init__(self) -> None:
         # Copies: what happens to the arrays given is no matter of the table's.
-        points = np.array(self.points_px, dtype=float, order="C")
-        segments = np.array(self.segments_mm, dtype=float, order="C")
+        points, segments = (
+            np.array(real_array(f"{self.source}: {name}", getattr(self, name)), order="C")
+            for name in ("points_px", "segments_mm")
+        )
         if points.ndim != 2 or points.shape[1] not in (2, 3):
             raise InputError(f"{self.source}: points_px must have shape (N, 2) or (N, 3); got {points.shape}")
         count = len(points)
@@ -84,6 +89,7 @@ class Observations:
         for name in ("sigma_px", "sigma_mm"):
             if getattr(self, name) is not None:
                 self._set_column(name, getattr(self, name), np.float64)
+        self._set("extra", {name: self._extra(name, column) for name, column in self.extra.items()})
         self._check_values()
 
     def __len__(self) -> int:
@@ -152,27 +158,32 @@ class Observations:
         return f"{self.source}, line {self.lines[row]}"
 
     def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
+        object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
 
     def _set_column(self, name: str, values: ArrayLike, kind: type) -> None:
-        try:
-            column: NDArray[Any] = np.asarray(values).astype(
-                kind, casting="same_kind" if kind is np.int64 else "unsafe"
-            )
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{self.source}: {name} must be {kind.__name__}; {error}") from None
+        column = _column(f"{self.source}: {name}", values, kind)
         if column.shape != (len(self),):
             raise InputError(f"{self.source}: {name} must have shape ({len(self)},); got {column.shape}")
         self._set(name, column)
+
+    def _extra(self, name: str, values: ArrayLike) -> NDArray[Any]:
+        column = _column(f"{self.source}: extra column {name}", values, np.str_)
+        if not isinstance(name, str) or column.shape != (len(self),):
+            raise InputError(
+                f"{self.source}: extra column {name!r} must have a name and shape ({len(self)},); got {column.shape}"
+            )
+        return frozen(column)
 
     def _check_values(self) -> None:
         columns = dict(zip(("u_px", "v_px", "w_px"), self.points_px.T, strict=False))
         columns |= dict(zip(SEGMENT_COLUMNS, self.segments_mm.reshape(-1, 6).T, strict=True))
         for name, values in columns.items():
-            if (row := _first(~np.isfinite(values))) is not None:
+            if (row := _first(~(np.abs(values) < FURTHEST))) is not None:
+                what = (
+                    f"further than {FURTHEST:g} away" if np.isfinite(values[row]) else "not a finite number"
+                )
                 raise InputError(
-                    f"{self.where(row)}, column {name}: {values[row]} is not a finite number; "
-                    "leave out rows that were not seen"
+                    f"{self.where(row)}, column {name}: {values[row]} is {what}; leave out rows that were not seen"
                 )
         for name in ("sigma_px", "sigma_mm"):
             sigma = getattr(self, name)
@@ -205,6 +216,25 @@ class Observations:
             return None
         second = int(np.flatnonzero(first[inverse.reshape(-1)] != np.arange(len(packed)))[0])
         return int(first[inverse.reshape(-1)[second]]), second
+
+
+def _column(what: str, values: ArrayLike, kind: type) -> NDArray[Any]:
+    """A column of numbers, whole numbers or text, copied."""
+    if kind is np.float64:
+        return np.array(real_array(what, values))
+    if np.ma.isMaskedArray(values) and np.ma.count_masked(values):  # type: ignore[no-untyped-call]
+        raise InputError(f"{what}: some of the values are masked; leave out the rows that hold them")
+    word = "whole numbers" if kind is np.int64 else "text"
+    try:
+        given = np.asarray(values)
+        column: NDArray[Any] = given.astype(kind, casting="same_kind" if kind is np.int64 else "unsafe")
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{what} must be {word}; {error}") from None
+    if given.dtype.kind == "O" and (
+        odd := [x for x in given.flat if not isinstance(x, (str, int, np.generic))]
+    ):
+        raise InputError(f"{what} must be {word}; got objects such as {odd[0]!r}"[:200])
+    return column
 
 
 def stacked(tables: Sequence[Observations]) -> Observations:
