@@ -15,6 +15,7 @@ __all__ = [
     "NoConsensusError",
     "SonocalError",
     "UnsupportedError",
+    "require",
 ]
 
 
@@ -28,6 +29,21 @@ class InputError(SonocalError):
 
 class FormatError(InputError):
     """A file is not what its name or its header says it is."""
+
+
+def require(value: object, kind: type, what: str) -> None:
+    """Refuse what is of another kind than a function of the public face takes.
+
+    Args:
+        value: what arrived.
+        kind: what it must be.
+        what: the kind in words, with where one comes from.
+
+    Raises:
+        InputError: it is of another kind.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{what} is needed; got {value!r}"[:200])
 
 
 class DegenerateGeometryError(SonocalError):

@@ -15,7 +15,7 @@ from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import InputError
+from sonocal.errors import require
 from sonocal.findings import Findings
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
@@ -73,10 +73,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     Source: paper sections 5 to 9.
     """
     asked = Options.of(**options)
-    if not isinstance(observations, Observations):
-        raise InputError(
-            f"a table of sightings is needed; got {observations!r}"[:200] + "; see read_observations"
-        )
+    require(observations, Observations, "a table of sightings (see read_observations)")
     rows, held_out = split_rows(observations, asked.fit_split, asked.test_split)
     area = image_area(rows, asked.image_size_px)
 

@@ -134,8 +134,15 @@ class Observations:
         return table
 
     def select(self, rows: ArrayLike) -> Observations:
-        """The table of some rows, given by a mask or by indices."""
-        index = np.arange(len(self))[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
+        """The table of some rows, given by a mask or by indices.
+
+        Raises:
+            InputError: they are neither, or not of this table.
+        """
+        try:
+            index = np.arange(len(self))[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
+        except (IndexError, ValueError) as error:
+            raise InputError(f"{self.source}: has no such rows ({error}); give a mask or indices") from None
         columns = {name: value[index] for name in COLUMNS if (value := getattr(self, name)) is not None}
         return self.with_sound(**columns, extra={name: column[index] for name, column in self.extra.items()})
 

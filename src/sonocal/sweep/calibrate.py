@@ -20,7 +20,7 @@ from typing import Unpack
 from sonocal.calibration import Calibration, calibrate
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
-from sonocal.errors import InputError, NoConsensusError
+from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health
@@ -36,7 +36,7 @@ from sonocal.sweep.options import (
 )
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.tabulate import tabulate, tabulated
-from sonocal.targets import Line
+from sonocal.targets import Line, require_lines
 
 __all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
 
@@ -115,6 +115,8 @@ class Sweep:
             InputError: the recording lacks images, nothing connects a line to the probe, or an option does not exist
                 or means nothing.
         """
+        require(recording, Recording, "a recording (see read_recording)")
+        require_lines(lines)
         asked = Options.for_lines(recording, lines, **options)
         detector = detector_of(recording, asked.detection)
         return cls(recording, lines, asked, detector, asked.posing.segments_mm(recording, lines))
@@ -169,6 +171,9 @@ def calibrate_points(
             exist or means nothing.
         DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
     """
+    require(recording, Recording, "a recording (see read_recording)")
+    require_lines(lines)
+    require(detections, Detections, "detections (see read_detections)")
     asked = PointsOptions.for_recording(recording, **options)
     if len(lines) > 1 and (detections.target == "").any():
         raise InputError(

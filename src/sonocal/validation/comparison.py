@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
-from sonocal.errors import InputError, UnsupportedError
+from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.geometry import Array, area_places
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
@@ -81,6 +81,8 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     """
     from scipy.special import gammaincc
 
+    for one in (first, second):
+        require(one, Calibration, "a calibration (see load)")
     if first.dimension != second.dimension:
         raise InputError(
             f"the calibrations are of a {first.dimension}D and of a {second.dimension}D probe; compare two of one probe"

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.calibration import Calibration, evidence_of, line_distances
 from sonocal.calibration.held_out import held_out_findings
-from sonocal.errors import InputError, SonocalError
+from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.setup_checks import check_setup
@@ -90,6 +90,8 @@ def validate(
     Raises:
         InputError: the rows do not fit the calibration.
     """
+    require(calibration, Calibration, "a calibration (see load)")
+    require(observations, Observations, "a table of sightings (see read_observations)")
     if observations.dimension != calibration.dimension:
         raise InputError(
             f"{observations.source}: is of a {observations.dimension}D probe and the calibration of a "
