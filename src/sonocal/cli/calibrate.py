@@ -36,6 +36,7 @@ from sonocal.cli.options import (
 )
 from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 from sonocal.cli.report import json_with_verdict, pictures
+from sonocal.cli.screen.plain import say_json
 from sonocal.errors import InputError
 
 __all__ = ["calibrate"]
@@ -150,7 +151,7 @@ def calibrate(
         files |= report_files(found, result.rows, frames=pictures(result))
     write_results(output, files)
     if as_json:
-        click.echo(json_with_verdict(found, content), nl=False)
+        say_json(json_with_verdict(found, content))
         return
     print_calibration(console(), found)
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)

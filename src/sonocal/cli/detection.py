@@ -23,6 +23,7 @@ from sonocal.cli.options import (
     seed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say
 
 __all__ = ["COMMANDS"]
 
@@ -96,8 +97,8 @@ def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options:
     sweep = simulate_sweep(probes[probe](), appearance, SweepOptions(**options))
     with progress("images") as report:
         paths = write_sweep(sweep, output, report)
-    click.echo(f"Wrote {', '.join(str(path) for path in paths)}")
-    click.echo(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
+    say(f"Wrote {', '.join(str(path) for path in paths)}")
+    say(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
 
 
 @click.command()
@@ -151,7 +152,7 @@ def detect(
         loaded, known, found, Posing(options["probe"], fixed, options["on_invalid"])
     ).observations
     write_observations(table, output)
-    click.echo(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
+    say(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
 
 
 COMMANDS = [simulate, detect]

@@ -9,6 +9,7 @@ import click
 
 from sonocal.cli.options import FILE, console
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def export(
     reserve(output)
     write_atomically(output, content)
     console().print(verdict_text(verdict))
-    click.echo(f"Wrote {output}")
+    say(f"Wrote {output}")
 
 
 def _content(

@@ -7,14 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import click
-
 from sonocal.cli.options import (
     given,
     progress,
     typed,
 )
 from sonocal.cli.outputs import reserve
+from sonocal.cli.screen.plain import say
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
@@ -128,7 +127,7 @@ def _show_candidates(output: Path, sheet: bytes) -> None:
     name = REFUSED_SHEET if (output / "calibration.json").exists() else SHEET
     reserve(output / name, replaced=name == REFUSED_SHEET)
     write_into_folder(output, {name: sheet})
-    click.echo(f"Note: {output / name} shows the candidates", err=True)
+    say(f"Note: {output / name} shows the candidates", err=True)
 
 
 def _with_provenance(

@@ -15,13 +15,13 @@ from sonocal.cli.options import (
     seed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say, say_json
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.recording import Recording
     from sonocal.tools import (
         Stylus,
-        ToolCalibration,
     )
 
 __all__ = ["tool"]
@@ -124,11 +124,11 @@ def tool(
         reserve(output)
         write_atomically(output, tool_toml(found, str(output)))
     if as_json:
-        click.echo(_json(found))
+        say_json(found)
         return
     print_tool(console(), found)
     if output is not None:
-        click.echo(f"Wrote {output}")
+        say(f"Wrote {output}")
 
 
 def _refuse_half_a_stylus(options: dict[str, Any]) -> None:
@@ -174,11 +174,3 @@ def _stylus(name: str | None, tip: tuple[float, ...] | Path | None) -> Stylus | 
     if name is None or tip is None:
         return None
     return Stylus(name, stylus_tip(tip, name) if isinstance(tip, Path) else np.array(tip))
-
-
-def _json(found: ToolCalibration) -> str:
-    import msgspec
-
-    return msgspec.json.format(
-        msgspec.json.encode(found, enc_hook=lambda array: array.tolist()), indent=1
-    ).decode()

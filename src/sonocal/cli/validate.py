@@ -16,6 +16,7 @@ from sonocal.cli.options import (
     seed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say, say_json
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -106,11 +107,11 @@ def validate(
     files = report_files(found, rows, numbers, comparison) if report else {}
     write_into_folder(folder, files)
     if as_json:
-        click.echo(_json(found, numbers, comparison))
+        say_json(_record(found, numbers, comparison))
         return
     _print(found, numbers, comparison)
     for name in files:
-        click.echo(f"Wrote {folder / name}")
+        say(f"Wrote {folder / name}")
 
 
 def _reserve_report(folder: Path, path: Path, calibration: Calibration) -> None:
@@ -163,9 +164,7 @@ def _print(calibration: Calibration, numbers: Validation, comparison: Comparison
     print_validation(console(), calibration, numbers, comparison)
 
 
-def _json(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> str:
-    import msgspec
-
+def _record(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> dict[str, Any]:
     from sonocal.validation import give_verdict
 
     record: dict[str, Any] = {
@@ -183,4 +182,4 @@ def _json(calibration: Calibration, numbers: Validation, comparison: Comparison 
             "p_value": comparison.p_value,
             "shared_input": comparison.shared_input,
         }
-    return msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
+    return record

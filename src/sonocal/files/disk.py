@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -14,12 +15,17 @@ from sonocal.errors import FormatError, InputError
 
 TEXT_LIMIT = 64 << 20
 """Largest text file (CSV, XML, TOML) read in one piece, bytes: hours of poses fit in it."""
+BYTES_LIMIT = 512 << 20
+"""Largest table of sightings or calibration read in one piece, bytes: four million rows fit in it."""
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn the failures of reading a file into an `InputError`."""
+    """Turn the failures of reading a file into an `InputError`; what is no file, and could keep one waiting, is one."""
     try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            raise InputError(f"{path}: is a pipe or a device; write what comes from it to a file first")
         yield
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; check the name and the folder") from None
@@ -118,10 +124,15 @@ def read_bytes(path: str | Path) -> bytes:
     """The content of a file.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or is larger than `BYTES_LIMIT`.
     """
-    with reading(Path(path)):
-        return Path(path).read_bytes()
+    path = Path(path)
+    if (size := file_size(path)) > BYTES_LIMIT:
+        raise InputError(
+            f"{path.name}: holds {size} bytes, and more than {BYTES_LIMIT} are no table; is it the right file?"
+        )
+    with reading(path):
+        return path.read_bytes()
 
 
 def write_atomically(path: str | Path, content: bytes) -> None:

@@ -70,8 +70,8 @@ def parse_observations(data: bytes, name: str) -> Observations:
         sigma_px=numbers.get("sigma_px"),
         sigma_mm=numbers.get("sigma_mm"),
         extra={
-            column: np.array(cells, dtype=np.str_)
-            for column, cells in table.columns.items()
+            column: table.text(column, stripped=False)
+            for column in table.columns
             if column not in KNOWN_COLUMNS
         },
         source=name,

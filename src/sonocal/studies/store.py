@@ -179,7 +179,7 @@ class Store:
 def _read_manifest(path: Path) -> _Manifest:
     try:
         manifest = msgspec.json.decode(read_bytes(path), type=_Manifest)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
         raise FormatError(
             f"{path}: is not a study's manifest ({error}); choose another folder with -o"
         ) from None

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
+from sonocal.cli.screen.terminal import Terminal
 from sonocal.studies import Row, Study, answer_sentences
 from sonocal.studies.measures import QUANTITIES
 from sonocal.studies.summary import BOUND
@@ -15,7 +15,7 @@ __all__ = ["print_study"]
 
 def print_study(study: Study, rows: list[Row]) -> None:
     """Answers, and a table of each quantity of the figure."""
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     if study.question:
         console.print(study.question, style="bold", soft_wrap=True)
     for sentence in answer_sentences(study, rows):
