@@ -8,6 +8,8 @@ SonocalError                       every failure sonocal foresees: one sentence,
 └── UnsupportedError               sound input that sonocal does not handle
 """
 
+import re
+
 __all__ = [
     "DegenerateGeometryError",
     "FormatError",
@@ -20,7 +22,11 @@ __all__ = [
 
 
 class SonocalError(Exception):
-    """Every failure that sonocal foresees; its text is one sentence for the user."""
+    """Every failure that sonocal foresees; its text is one sentence for the user, in one line."""
+
+    def __init__(self, message: str) -> None:
+        # What arrived and is quoted, such as an array, may have several.
+        super().__init__(re.sub(r"\s*[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]+\s*", " ", message))
 
 
 class InputError(SonocalError):

@@ -19,7 +19,7 @@ from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.findings import Diagnostic, Findings
-from sonocal.geometry import Array, AxisScaled, Similarity, area_places, frozen, real_array
+from sonocal.geometry import FURTHEST, Array, AxisScaled, Similarity, area_places, frozen, real_array
 from sonocal.registration.noise import Noise
 from sonocal.registration.options import Model
 from sonocal.registration.uncertainty import point_covariance, radius_95
@@ -112,6 +112,8 @@ class Calibration:
                 f"points_px must have shape {wanted}, a row a point of the {self.dimension}D image; got shape "
                 f"{points_px.shape}"
             )
+        if np.any(np.abs(points_px) >= FURTHEST):
+            raise InputError(f"points_px must lie in an image; got {np.abs(points_px).max():.3g} px")
         if self.covariance is None:
             raise UnsupportedError(
                 "this calibration has no row to spare and so no covariance; calibrate with more sightings"
@@ -224,6 +226,8 @@ def _from_record(record: Record) -> Calibration:
     parameters = 6 + _scale_count(record.model)
     if covariance is not None and covariance.shape != (parameters, parameters):
         raise ValueError(f"covariance has shape {covariance.shape} and not ({parameters}, {parameters})")
+    if covariance is not None and not _is_covariance(covariance):
+        raise ValueError("covariance is none: it is not finite, not symmetric, or of less than nothing")
     residuals, inlier = np.array(record.residuals_mm), np.array(record.inlier, dtype=bool)
     if residuals.shape != inlier.shape:
         raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")
@@ -249,6 +253,13 @@ def _from_record(record: Record) -> Calibration:
         options=_options(record.provenance.get("options", {}), residuals, inlier),
         provenance=record.provenance,
     )
+
+
+def _is_covariance(matrix: Array) -> bool:
+    if not np.all(np.abs(matrix) < FURTHEST**2) or not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0):
+        return False
+    size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    return bool(np.linalg.eigvalsh(matrix / np.outer(size, size))[0] > -1e-6)
 
 
 def _options(given: dict[str, Any], residuals_mm: Array, inlier: NDArray[np.bool_]) -> Options:

@@ -1,6 +1,6 @@
 """Similarities, segments and lines, and the image among them: the nouns of the package."""
 
-from sonocal.geometry.arrays import frozen, real_array
+from sonocal.geometry.arrays import FURTHEST, frozen, real_array
 from sonocal.geometry.image import (
     area_places,
     image_crossings,
@@ -19,6 +19,7 @@ from sonocal.geometry.transforms import (
 )
 
 __all__ = [
+    "FURTHEST",
     "Array",
     "AxisScaled",
     "Similarity",

@@ -9,7 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
 
-__all__ = ["frozen", "real_array"]
+__all__ = ["FURTHEST", "frozen", "real_array"]
+
+# In px or mm: no room is that large, and squares of squares of it are numbers still.
+FURTHEST = 1e9
 
 
 def real_array(what: str, values: ArrayLike) -> NDArray[np.float64]:

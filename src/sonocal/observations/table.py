@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sonocal.errors import InputError
-from sonocal.geometry import Array, frozen, real_array
+from sonocal.errors import InputError, require
+from sonocal.geometry import FURTHEST, Array, frozen, real_array
 
 __all__ = [
     "Observations",
@@ -27,9 +27,6 @@ SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
 
 COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
 """What has one entry a row."""
-
-# In px or mm: no room is that large, and squares of squares of it are numbers still.
-FURTHEST = 1e9
 
 _DEFAULT: Any = None  # filled in by the constructor
 
@@ -89,6 +86,7 @@ class Observations:
         for name in ("sigma_px", "sigma_mm"):
             if getattr(self, name) is not None:
                 self._set_column(name, getattr(self, name), np.float64)
+        require(self.extra, Mapping, "a mapping from names to columns, for extra,")
         self._set("extra", {name: self._extra(name, column) for name, column in self.extra.items()})
         self._check_values()
 

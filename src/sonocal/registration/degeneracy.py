@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal import _core
-from sonocal.errors import DegenerateGeometryError
+from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.geometry import Array, segment_directions
 from sonocal.registration.rows import PointLineRows
 
@@ -43,9 +43,15 @@ def refuse_degenerate_lines(rows: PointLineRows, chosen: NDArray[np.bool_] | Non
     Raises:
         DegenerateGeometryError: parallel lines, lines through one point, and in 2D coplanar lines or
             image points on one line; the sentence says what is free and what to scan next.
+        NoConsensusError: none counts.
 
     Source: paper section 7.
     """
+    if _count(rows, chosen) == 0:
+        raise NoConsensusError(
+            f"none of {len(rows)} rows is near its line; check that points are matched to the right lines",
+            best_count=0,
+        )
     extent = _core.extent(rows.core, chosen)
     if extent.direction_spread < EXACT_ANGLE:
         raise DegenerateGeometryError(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal import _core
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, require
 from sonocal.geometry import Array, Similarity
 from sonocal.registration.constraints import Rows, rank, refuse_degenerate_rows
 from sonocal.registration.degeneracy import (
@@ -105,6 +105,7 @@ def register(
         max_samples=max_samples,
         seed=seed,
     )
+    require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
     _refuse_few(constraints)
     if constraints.lines is not None and refine:
         return _register_lines(constraints.lines, options)
