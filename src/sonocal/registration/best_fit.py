@@ -37,6 +37,8 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     # hide it, are known.
     refuse_degenerate_lines(rows)
     fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
+    if not fit.inlier.any():
+        _refuse_scattered(rows, fit)
     if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)
