@@ -15,6 +15,7 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes, stacked
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
+from sonocal.registration.mirrored import refuse_mirrored_volume
 from sonocal.registration.noise import residual_vectors
 
 __all__ = ["Candidates", "Mask"]
@@ -85,6 +86,27 @@ class Candidates:
         check_rows(self.at(chosen), self.options.model)
         options = replace(self.options, threshold_mm=self.within_mm if threshold_mm is None else threshold_mm)
         return best_fit(self._lines.select(chosen), options)[0]
+
+    def refuse_mirrored(self, agreeing: int, least: float) -> None:
+        """Name the mirror where it is why candidates in volumes were refused.
+
+        Args:
+            agreeing: how many sightings agreed as they stand.
+            least: how many must agree for an answer.
+
+        Raises:
+            MirroredVolumeError: far more agree in mirrored volumes.
+        """
+        if self.rows.dimension == 2:
+            return
+        options = replace(self.options, threshold_mm=self.within_mm)
+        for most in (1, len(self)):  # the best alone, then all
+            keep = self.rank < most
+            each = np.count_nonzero(keep) / np.unique(self.candidate[keep]).size
+            lines = self._lines.select(keep)
+            refuse_mirrored_volume(
+                lines, options, int(each * agreeing), lambda *one: best_fit(*one)[0], least=int(each * least)
+            )
 
     def nearest(self, transform: AxisScaled, closer_mm: float = np.inf) -> Mask:
         """(N,) rows of the nearest candidate of each sighting, where all of its points are within the threshold.

@@ -16,7 +16,13 @@ import numpy as np
 from sonocal.calibration import Calibration, calibrate
 from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, SonocalError
+from sonocal.errors import (
+    DegenerateGeometryError,
+    InputError,
+    MirroredVolumeError,
+    NoConsensusError,
+    SonocalError,
+)
 from sonocal.findings import Diagnostic
 from sonocal.geometry import AxisScaled
 from sonocal.observations import Observations
@@ -139,7 +145,8 @@ def _first_consensus(table: Candidates, total: int) -> AxisScaled:
             best = count, found
         if count >= ENOUGH * total or keep.all():
             break
-    if best is None and refusal is not None and not isinstance(refusal, NoConsensusError):
+    named = isinstance(refusal, MirroredVolumeError) or not isinstance(refusal, NoConsensusError)
+    if best is None and refusal is not None and named:
         raise refusal
     if best is None:
         raise _nothing_found(table, total, 0)
@@ -210,6 +217,7 @@ def _report(used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
 
 
 def _nothing_found(table: Candidates, total: int, best: int) -> NoConsensusError:
+    table.refuse_mirrored(best, _least_agreeing(table, total))
     return NoConsensusError(
         f"{table.rows.source}: no calibration agrees with more than {best} of {total} images; {len(table)} "
         f"candidates in {table.count} images were tried, and so few agree by chance; check in the contact sheet that "
