@@ -18,7 +18,7 @@ CODES = {
     "weak-motion": "the predicted error exceeds what is accepted",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
-    "anisotropic-scale": "mm/px differ along u and v",
+    "anisotropic-scale": "mm/px differ along the image's axes",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "shared-target-error": "rows of a needle or wire share an error",
     "shared-frame-error": "rows of a frame share an error",
