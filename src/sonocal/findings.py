@@ -34,6 +34,7 @@ CODES = {
     "wrong-end-of-needle": "the needle is seen beyond an end of its segment",
     "wrong-tool-frame": "the lines are in another frame than the probe marker's",
     # sweep
+    "second-needle": "a second needle, or an echo, moves with the needle",
     "images-used": "how many images took part",
     "no-pose": "detections without a valid pose",
     "no-image": "detections in images marked invalid",

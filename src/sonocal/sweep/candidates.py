@@ -127,6 +127,16 @@ class Candidates:
         best = best[np.unique(self._place[best], return_index=True)[1]]
         return np.isin(self.candidate, best)
 
+    def places_mm(self, transform: AxisScaled) -> tuple[Array, Array]:
+        """(M, 3) mm, along the image's axes: the middle of each candidate; and its direction, zeros of points."""
+        points = self._lines.points * transform.scales
+        middle, ends = np.zeros((len(self), 3)), np.zeros((len(self), 3))
+        np.add.at(middle, self.candidate, points)
+        middle /= np.maximum(np.bincount(self.candidate, minlength=len(self)), 1)[:, None]
+        ends[self.candidate] = points - middle[self.candidate]  # of several points, the last one's
+        lengths = np.linalg.norm(ends, axis=1, keepdims=True)
+        return middle, ends / np.where(lengths > 0, lengths, 1.0)
+
     def agreeing(self, chosen: Mask) -> int:
         """How many sightings the chosen rows belong to."""
         return len(np.unique(self.sighting[chosen]))
