@@ -138,8 +138,8 @@ class Sweep:
         again = self.options.second_look
         look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
         most_mm = telling_threshold_mm(self.lines)
-        chances, further = images * len(self.lines), {"most_mm": most_mm, "across": self._across()}
-        found = calibrate_chosen(table, self.options, chances, look, **further)
+        total, across = images * len(self.lines), self._across()
+        found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
         recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
 

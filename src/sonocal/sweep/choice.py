@@ -127,8 +127,8 @@ def calibrate_chosen(
     table = Candidates(candidates, options, within_mm)
     total = max(sightings, table.count)
     transform, first = _settled(table, _first_consensus(table, total))
-    table, chosen = _looked_again(table, look_again, transform, first)
-    chosen, twin = _upper(table, chosen, across)
+    table, settled = _looked_again(table, look_again, transform, first)
+    chosen, twin = _upper(table, *settled, across)
     used = table.agreeing(chosen)
     if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
@@ -192,22 +192,23 @@ def _settled(table: Candidates, transform: AxisScaled, fitted: Mask | None = Non
 
 def _looked_again(
     table: Candidates, look_again: LookAgain | None, transform: AxisScaled, fitted: Mask
-) -> tuple[Candidates, Mask]:
-    """The candidates with those of a second look, and which of them are chosen."""
+) -> tuple[Candidates, tuple[AxisScaled, Mask]]:
+    """The candidates with those of a second look, and the fit of the chosen ones, and these."""
     if look_again is None:
-        return table, fitted
+        return table, (transform, fitted)
     further = look_again(transform, table.at(table.nearest(transform)), table.within_mm)
     if further is None:
-        return table, _settled(table, transform, fitted)[1]
+        return table, _settled(table, transform, fitted)
     table = table.and_further(further)
-    return table, _settled(table, transform)[1]
+    return table, _settled(table, transform)
 
 
-def _upper(table: Candidates, chosen: Mask, across: Array | None) -> tuple[Mask, Twin | None]:
+def _upper(
+    table: Candidates, transform: AxisScaled, chosen: Mask, across: Array | None
+) -> tuple[Mask, Twin | None]:
     """Of two needles that move as one the upper one, which is nearer to the transducer; and where the other is."""
     if len(np.unique(table.rows.target)) > 1:  # wires are known to be several
         return chosen, None
-    transform = table.fit(chosen).transform
     twin = find_twin(table, chosen, transform, across)
     for _ in range(MOST_ECHOES):
         if twin is None or not twin.is_above:
