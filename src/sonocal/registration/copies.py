@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 
-__all__ = ["Copy", "common_shift"]
+__all__ = ["Copy", "common_shift", "parted"]
 
 TRIALS = 400
 REFINEMENTS = 3
@@ -18,6 +18,11 @@ REACH = 2.0
 # The logarithm of a probability: below it what agrees does not do so by chance.
 LOG_CHANCE = float(np.log(1e-3))
 LEAST_GROUPS = 5
+# A split of normal errors in two leaves 0.68 of the squares of two components, and of those in between a lot.
+LEFT_OF_SQUARES, LEFT_BETWEEN = 0.4, 0.06
+LEAST_PART = 0.15
+BETWEEN = (0.35, 0.65)
+ROUNDS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,3 +119,54 @@ def _is_no_chance(count: int, among: int, by_chance: float) -> bool:
     chance = (by_chance + 1.0) / (among + 2.0)
     tail = bdtrc(count - 2, among, min(chance, 1.0))
     return bool(tail == 0 or np.log(TRIALS) + np.log(tail) < LOG_CHANCE)
+
+
+def parted(residuals: Array, motions: Array, by_shift: Array, groups: NDArray[np.int64]) -> Copy | None:
+    """The shift that parts the residuals in two heaps with a gap between them, if one does.
+
+        r_i = motions_i m + by_shift_i shift z_i        z_i: 0 or 1, of a group alike
+
+    Args:
+        residuals: (N, 3), mm, across the lines.
+        motions: (N, 3, m): what the transform's motions do to them.
+        by_shift: (N, 3, k): what a shift of 1 mm along each of k axes does to them.
+        groups: (N,), of rows that are on the same side.
+
+    Returns:
+        The shift of the smaller part from the larger one; None where there is one heap.
+
+    Source: k-means with the fit's own parameters, k = 2 (Lloyd 1982).
+    """
+    codes = np.unique(groups, return_inverse=True)[1].reshape(-1)
+    pulled = np.einsum("nek,ne->nk", by_shift, residuals)
+    found = [
+        _halved(residuals, motions, by_shift, codes, pulled @ axis > 0)
+        for axis in np.linalg.eigh(pulled.T @ pulled)[1].T
+    ]
+    shift, side, squares, between = min(found, key=lambda one: one[2])
+    share = float(np.mean(side))
+    if squares > LEFT_OF_SQUARES or between > LEFT_BETWEEN or not LEAST_PART <= share <= 1.0 - LEAST_PART:
+        return None
+    smaller = side if share <= 0.5 else ~side
+    return Copy(shift if share <= 0.5 else -shift, smaller, len(np.unique(codes[smaller])))
+
+
+def _halved(
+    residuals: Array, motions: Array, by_shift: Array, codes: NDArray[np.int64], side: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_], float, float]:
+    """From a first guess of the sides: shift, sides, share of the squares that is left, share of groups in between."""
+    count, axes = int(codes.max()) + 1, by_shift.shape[2]
+    for _ in range(ROUNDS):
+        design = np.concatenate([motions, by_shift * side[:, None, None]], axis=2).reshape(residuals.size, -1)
+        solved = np.linalg.lstsq(design, residuals.reshape(-1), rcond=None)[0]
+        base, moved = residuals - motions @ solved[:-axes], by_shift @ solved[-axes:]
+        lengths = np.bincount(codes, np.sum(moved**2, axis=1), count)
+        place = np.bincount(codes, np.sum(base * moved, axis=1), count) / np.maximum(
+            lengths, np.finfo(float).tiny
+        )
+        before, side = side, place[codes] > 0.5
+        if np.array_equal(before, side) or side.all() or not side.any():
+            break
+    left = float(np.sum((base - moved * side[:, None]) ** 2))
+    between = float(np.mean((place > BETWEEN[0]) & (place < BETWEEN[1])))
+    return solved[-axes:], side, left / max(float(np.sum(residuals**2)), np.finfo(float).tiny), between
