@@ -22,8 +22,8 @@ WITHIN, LEAST_MM = 2.5, 1.0
 # Of the changes between used and left out, in the order of time, that chance would make: a slip has one.
 MIXED = 0.4
 SIDEWAYS = 0.5
-# Rows in two parts are told from rows in one by so many at the least; more than the most tell no more.
-FEWEST_PARTED, MOST_ROWS = 20, 2000
+# Fewer sightings part in two by chance (6 of 100 scans of 20); more rows than the most tell no more.
+FEWEST_PARTED, MOST_ROWS = 40, 2000
 
 
 def check_copies(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -68,7 +68,7 @@ def _among_left_out(evidence: Evidence) -> tuple[Diagnostic, ...]:
 def _among_used(evidence: Evidence) -> tuple[Diagnostic, ...]:
     used = np.flatnonzero(evidence.inlier)
     used = used[:: 1 + len(used) // MOST_ROWS] if evidence.table.dimension == 2 else used[:MOST_ROWS]
-    if len(used) < FEWEST_PARTED:
+    if len(np.unique(_sightings(evidence)[used])) < FEWEST_PARTED:
         return ()
     found = parted(
         evidence.mapped.residuals[used],
