@@ -5,6 +5,7 @@ SonocalError                       every failure sonocal foresees: one sentence,
 │   └── FormatError                a file that is not what its name or header says
 ├── DegenerateGeometryError        the data leave a motion free: which one, and what to scan next
 ├── NoConsensusError               no calibration agrees with enough rows
+│   └── MirroredVolumeError        as they stand; mirrored along one axis of the volume, they do
 └── UnsupportedError               sound input that sonocal does not handle
 """
 
@@ -14,6 +15,7 @@ __all__ = [
     "DegenerateGeometryError",
     "FormatError",
     "InputError",
+    "MirroredVolumeError",
     "NoConsensusError",
     "SonocalError",
     "UnsupportedError",
@@ -74,6 +76,10 @@ class NoConsensusError(SonocalError):
     def __init__(self, message: str, best_count: int) -> None:
         super().__init__(message)
         self.best_count = best_count
+
+
+class MirroredVolumeError(NoConsensusError):
+    """No calibration agrees with the rows of a volume as they stand, and one does when an axis is turned round."""
 
 
 class UnsupportedError(SonocalError):

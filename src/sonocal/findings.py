@@ -18,7 +18,7 @@ CODES = {
     "weak-motion": "the predicted error exceeds what is accepted",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
-    "anisotropic-scale": "mm/px differ along u and v",
+    "anisotropic-scale": "mm/px differ along the image's axes",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "shared-target-error": "rows of a needle or wire share an error",
     "shared-frame-error": "rows of a frame share an error",
@@ -35,6 +35,7 @@ CODES = {
     "wrong-end-of-needle": "the needle is seen beyond an end of its segment",
     "wrong-tool-frame": "the lines are in another frame than the probe marker's",
     # sweep
+    "second-needle": "a second needle, or an echo, moves with the needle",
     "images-used": "how many images took part",
     "no-pose": "detections without a valid pose",
     "no-image": "detections in images marked invalid",

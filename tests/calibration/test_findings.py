@@ -5,9 +5,11 @@ import pickle
 from threading import Barrier, Thread
 
 import numpy as np
+from benchmarks.comparison import needle_scan
 from benchmarks.simulators.scans import scan
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import sonocal as sc
 from sonocal.findings import Diagnostic, Findings
@@ -97,3 +99,12 @@ def test_threads_that_read_at_once_read_the_same():
         thread.join()
     assert len(seen) == 8
     assert all(one == seen[0] for one in seen)
+
+
+def test_a_mirrored_volume_that_nothing_agrees_with_is_no_error_of_its_own():
+    # The mirror's best sample may be an image of no size, or one that no row agrees with.
+    for seed in (142, 198, 244):
+        rng = np.random.default_rng([seed, 3, 6, 6, 3])
+        truth = (Rotation.random(random_state=seed).as_matrix(), rng.uniform(-100, 100, 3))
+        rows = needle_scan(rng, truth, 3, 12).select(np.arange(12))
+        assert "flipped-image" not in {finding.code for finding in sc.calibrate(rows).diagnostics}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benchmarks.comparison import needle_scan
 from benchmarks.simulators.faults import (
     FAULTS,
     altered,
@@ -14,9 +15,13 @@ from benchmarks.simulators.faults import (
     sound,
 )
 from benchmarks.simulators.scans import scan
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import sonocal as sc
 from sonocal.calibration import evidence_of, point_line_rows
+from sonocal.errors import MirroredVolumeError
 from sonocal.setup_checks import (
     check_flip,
     check_latency,
@@ -118,3 +123,32 @@ def test_nonsense_is_refused():
         sc.InputError, match=r"expected_rotation must be the directions of u, v and normal, shape \(3, 3\)"
     ):
         list(check_flip(evidence, expected_rotation=np.eye(4)))
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(5, 60),
+    axis=st.integers(0, 2),
+    outliers=st.sampled_from([0.0, 0.3]),
+    threshold_mm=st.sampled_from([5.0, "auto"]),
+)
+def test_a_mirrored_volume_is_named_wherever_it_is_refused_or_spoilt(
+    seed, count, axis, outliers, threshold_mm
+):
+    rng = np.random.default_rng(seed)
+    truth = (Rotation.random(random_state=seed).as_matrix(), rng.uniform(-100, 100, 3))
+    rows = needle_scan(rng, truth, 3, count)
+    mirror = np.ones(3)
+    mirror[axis] = -1
+    points = 250 + (rows.points_px - 250) * mirror
+    wrong = np.repeat(rng.random(count) < outliers, 2)
+    points[wrong] = rng.uniform(0, 500, (wrong.sum(), 3))
+    try:
+        found = sc.calibrate(altered(rows, points_px=points), threshold_mm=threshold_mm)
+    except MirroredVolumeError as refusal:
+        assert "when the volume is mirrored along one axis" in str(refusal)
+    except (sc.NoConsensusError, sc.DegenerateGeometryError):
+        assert wrong.sum() > 0.3 * len(wrong)  # too few are left, as they were before they were mirrored
+    else:
+        assert "flipped-image" in {finding.code for finding in found.warnings} or wrong.mean() > 0.4

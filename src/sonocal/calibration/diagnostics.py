@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
+from sonocal.calibration.anisotropy import anisotropy_findings
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -17,13 +17,11 @@ from sonocal.registration.degeneracy import (
 )
 from sonocal.registration.fit import Fit
 from sonocal.registration.mapped import MappedRows
-from sonocal.registration.noise import Noise, estimate_noise
-from sonocal.registration.refine import refine_point_lines
+from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import (
     NORMAL_95,
-    SIGNIFICANT,
     WeakMotion,
     point_covariance,
     radius_95,
@@ -33,7 +31,6 @@ from sonocal.registration.uncertainty import (
 __all__ = [
     "Diagnostic",
     "describe_motion",
-    "diagnose_anisotropy",
     "diagnose_fit",
     "diagnose_image_plane",
     "diagnose_noise",
@@ -43,8 +40,6 @@ __all__ = [
     "predicts",
 ]
 
-# Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
-LEAST_ANISOTROPY = 0.01
 MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
@@ -123,32 +118,6 @@ def describe_motion(motion: WeakMotion) -> str:
         motion.growth_rms_mm: f"scale, known to +-{NORMAL_95 * 100 * np.abs(motion.growth).max():.2g} %",
     }
     return f"{parts[max(parts)]} (it moves the corners by {NORMAL_95 * motion.rms_mm:.2g} mm)"
-
-
-def diagnose_anisotropy(scales: Array, covariance: Array) -> Iterator[Diagnostic]:
-    """Different mm/px along u and v, where the data show it.
-
-    Args:
-        scales: (3,), mm per px, of an anisotropic fit.
-        covariance: (8, 8), of its tangent.
-    """
-    ratio = float(np.log(scales[0] / scales[1]))
-    deviation = float(np.sqrt(covariance[6, 6] + covariance[7, 7] - 2 * covariance[6, 7]))
-    if not abs(ratio) > max(SIGNIFICANT * deviation, LEAST_ANISOTROPY):
-        return
-    yield Diagnostic(
-        code="anisotropic-scale",
-        severity="warning",
-        message=(
-            f"the residuals point to different mm/px in u and v: {scales[0]:.4f} and {scales[1]:.4f} mm/px, "
-            f"{100 * np.expm1(abs(ratio)):.1f} % apart (+-{100 * NORMAL_95 * deviation:.1f} %), "
-            "where the fitted model has one scale"
-        ),
-        advice=(
-            "for a linear probe or a resampled image, calibrate with the anisotropic model; "
-            "else check the pixels' aspect ratio"
-        ),
-    )
 
 
 def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
@@ -272,22 +241,3 @@ def weakness_findings(
     motion = weakest_motion(fit.transform, noise.covariance, corners)
     near = near_degeneracy(table, fit.inlier)
     yield from diagnose_weakness(motion, worst, tolerance_mm, near)
-
-
-def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) -> Iterator[Diagnostic]:
-    """Fits the wider model too, and tests whether its two scales differ."""
-    if table.dimension == 3 or fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
-        return
-    wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
-    # Errors that rows share only widen the covariance: scales alike without them are alike with them.
-    if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
-        covariance = estimate_noise(table, wider, groupings.labels).covariance
-        yield from diagnose_anisotropy(wider.transform.scales, covariance)
-
-
-def _least_covariance(fit: Fit) -> Array:
-    """The tangent's covariance if rows shared no error."""
-    if fit.weighting == "likelihood":
-        return fit.covariance
-    freedom = 2 * int(fit.inlier.sum()) - len(fit.covariance)
-    return fit.covariance * float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom

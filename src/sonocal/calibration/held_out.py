@@ -45,16 +45,18 @@ def held_out_findings(calibration: Calibration, held_out: Observations | None) -
     usual = within.any() and not _more_outliers(calibration, within)
     counted = within if usual else np.ones(len(errors), dtype=bool)
     units = independent_units(calibration.probe_from_image, held_out)
-    low = rms_interval(errors[counted], units[counted])[0]
-    expected = float(np.hypot(calibration.fit.rms_mm, calibration.predicted_errors()[1].max()))
-    if not low > expected:
+    measured, low = _rms(errors[counted]), rms_interval(errors[counted], units[counted])[0]
+    expected = float(np.hypot(_own_rms(calibration), calibration.predicted_errors()[1].max()))
+    # Two sizes of errors are compared, each as unsure as its own rows leave it: log-normal to either side.
+    surprise = np.log(measured / low) if low > 0 else np.inf
+    if not measured > expected * np.exp(np.hypot(surprise, _unsureness(calibration.noise.freedom))):
         return
     far, which = is_far_off(calibration, low), "" if counted.all() else " within the threshold"
     yield Diagnostic(
         code="held-out-rows-far-off" if far else "held-out-rows-off",
         severity="warning",
         message=(
-            f"held-out rows{which} are off by {_rms(errors[counted]):.2f} mm rms (at least {low:.2f}), where the "
+            f"held-out rows{which} are off by {measured:.2f} mm rms (at least {low:.2f}), where the "
             f"fit and its uncertainty explain {expected:.2f} mm"
         ),
         advice=(
@@ -88,6 +90,22 @@ def independent_units(probe_from_image: AxisScaled, rows: Observations) -> NDArr
     points = homogeneous_points(rows.points_px)
     length = stretch_length(residual_vectors(probe_from_image, points, rows.segments_mm), frame)
     return group_codes(rows.split, frame // length)
+
+
+def _unsureness(freedom: int) -> float:
+    """How far, as a logarithm, 97.5 % of noises lie at the most above what so many residuals make of them."""
+    from scipy.special import chdtri
+
+    return 0.5 * float(np.log(max(freedom, 1) / chdtri(max(freedom, 1), 0.975)))
+
+
+def _own_rms(calibration: Calibration) -> float:
+    """Of fitted rows, mm, as if the fit had taken no part of their errors, which of few is much."""
+    assert calibration.covariance is not None
+    equations = 2 * calibration.fit.inliers
+    return calibration.fit.rms_mm * float(
+        np.sqrt(equations / max(equations - len(calibration.covariance), 1))
+    )
 
 
 def _rms(errors: Array) -> float:

@@ -13,6 +13,7 @@ from sonocal.registration.degeneracy import (
     refuse_free_motion,
 )
 from sonocal.registration.fit import Fit
+from sonocal.registration.mirrored import refuse_mirrored_volume
 from sonocal.registration.options import Options
 from sonocal.registration.robust import MINIMAL_ROWS, fit_point_lines
 from sonocal.registration.rows import PointLineRows
@@ -30,13 +31,27 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     Raises:
         DegenerateGeometryError: the rows, or those that agree, leave a motion free.
         NoConsensusError: no transform agrees with enough rows.
+        MirroredVolumeError: one does when an axis of the volume is turned round.
 
     Source: paper sections 6 to 9.
     """
+    try:
+        return _best_fit(rows, options)
+    except (NoConsensusError, DegenerateGeometryError) as refusal:
+        if rows.dimension == 3:
+            agreed = getattr(refusal, "best_count", 0)
+            refuse_mirrored_volume(rows, options, agreed, lambda *other: _best_fit(*other)[0])
+        raise
+
+
+def _best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
+    """As `best_fit`, of rows as they stand."""
     # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
     # hide it, are known.
     refuse_degenerate_lines(rows)
     fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
+    if not fit.inlier.any():
+        _refuse_scattered(rows, fit)
     if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)

@@ -5,10 +5,12 @@
 - marker-slipped: the marker moved on the probe during the scan. Needs frames in the order of time.
 - wrong-tool-frame: lines are not in the probe marker's frame. The probe's poses tell which they are in.
 - wrong-end-of-needle: the needle was seen beyond its segment. Needs segments that end where the needle does.
+- second-needle: rows that were left out lie one shift away from those used. Of tables of one needle.
 - latency: image and tracker are not of the same instant. Needs frames in the order of time.
 - anisotropic-scale: mm/px differs along u and v. `calibrate` finds it.
 """
 
+from sonocal.setup_checks.copies import check_copies
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.latency import check_latency
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
@@ -17,6 +19,7 @@ from sonocal.setup_checks.whole import check_setup
 
 __all__ = [
     "Evidence",
+    "check_copies",
     "check_flip",
     "check_latency",
     "check_needle_end",

@@ -13,6 +13,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
+from sonocal.registration.mirrored import mirrored_volume
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
@@ -31,6 +32,10 @@ FLIPS = {
 }
 # The mirrored model must leave this much less of the squares: sound scans leave it far more.
 MIRRORED_BETTER = 0.5
+# Or bring the middle row this much closer, where outliers spoil the squares.
+FAR_CLOSER = 0.25
+# What rows agree within unless somebody says otherwise.
+USUAL_MM = 5.0
 BEYOND_END_MM = 5.0
 # Rows in no common frame agree by chance only; other frames are believed when they agree by much more.
 POOR_SHARE, GOOD_SHARE, GAIN = 0.5, 0.6, 0.25
@@ -97,15 +102,11 @@ def check_flip(
 
 
 def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
-    mirrored = replace(evidence.table, points=evidence.table.points * [1.0, 1.0, -1.0])
-    other = _quick_fit(mirrored, evidence.threshold_mm)
+    other = _mirrored_fit(evidence)
     if other is None:
         return
     agree, others = int(evidence.inlier.sum()), int(other.inlier.sum())
     rms_mm = float(np.sqrt(np.mean(other.residuals_mm[other.inlier] ** 2)))
-    better = rms_mm**2 < MIRRORED_BETTER * evidence.rms_mm**2
-    if not (others > (1 + GAIN) * agree or (better and others >= agree)):
-        return
     yield Diagnostic(
         code="flipped-image",
         severity="warning",
@@ -115,6 +116,27 @@ def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
         ),
         advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
     )
+
+
+def _mirrored_fit(evidence: Evidence) -> Fit | None:
+    """The fit of the mirrored volume, if it is the better one."""
+    mirrored, agree = mirrored_volume(evidence.table), int(evidence.inlier.sum())
+    # A threshold that was to be found from rows of a mirrored volume is as wide as the volume.
+    for within_mm in sorted({evidence.threshold_mm, min(evidence.threshold_mm, USUAL_MM)}):
+        other = _quick_fit(mirrored, within_mm)
+        if other is None:
+            continue
+        others, closer = int(other.inlier.sum()), _middle(other.residuals_mm, evidence.mapped.distances)
+        rms_mm = float(np.sqrt(np.mean(other.residuals_mm[other.inlier] ** 2)))
+        better = others >= agree and rms_mm**2 < MIRRORED_BETTER * evidence.rms_mm**2
+        if others > (1 + GAIN) * agree or better or closer < FAR_CLOSER:
+            return other
+    return None
+
+
+def _middle(distances: Array, others: Array) -> float:
+    """The median of all distances, outliers included, against that of others."""
+    return float(np.median(distances) / max(np.median(others), np.finfo(float).tiny))
 
 
 def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnostic]:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.setup_checks.copies import check_copies
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.latency import latency_findings, latency_of
 from sonocal.setup_checks.motion import motion_of
@@ -41,6 +42,7 @@ def check_setup(
     findings = [
         *check_flip(evidence, expected_rotation=expected_rotation, marker_above_image=marker_above_image),
         *check_needle_end(evidence),
+        *check_copies(evidence),
         *_over_time(evidence, seed),
     ]
     if scanner_mm_per_px is not None:

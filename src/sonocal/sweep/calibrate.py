@@ -17,6 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Unpack
 
+import numpy as np
+
 from sonocal.calibration import Calibration, calibrate
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
@@ -138,9 +140,21 @@ class Sweep:
         again = self.options.second_look
         look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
         most_mm = telling_threshold_mm(self.lines)
-        found = calibrate_chosen(table, self.options, images * len(self.lines), look, most_mm)
+        total, across = images * len(self.lines), self._across()
+        found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
         recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
+
+    def _across(self) -> Array | None:
+        """(N, 2, 3): of the only needle, two axes across it that turn with it, in the probe marker's frame."""
+        if len(self.lines) > 1:
+            return None
+        line = self.lines[0]
+        along = line.segment_mm[1] - line.segment_mm[0]
+        turned = np.linalg.svd(along[None])[2][1:]  # an orthonormal rest
+        aside = [replace(line, name=f"aside {i}", segment_mm=line.segment_mm + turned[i]) for i in (0, 1)]
+        ends = self.options.posing.segments_mm(self.recording, aside)
+        return np.asarray((ends - self.segments_mm)[:, :, 0])
 
 
 def no_candidates(name: str, images: int) -> NoConsensusError:
