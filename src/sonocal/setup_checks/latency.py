@@ -12,7 +12,7 @@ from sonocal.registration.uncertainty import NORMAL_95
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.motion import FEWEST_FRAMES, Motion, motion_of, ridged
 
-__all__ = ["check_latency", "latency_findings", "latency_of"]
+__all__ = ["check_latency", "deviation_of", "latency_findings", "latency_of", "speed_of"]
 
 BLOCKS = 12
 LATENCY_SIGNIFICANT = 4.0
@@ -43,10 +43,10 @@ def latency_of(motion: Motion) -> float:
 
 def latency_findings(motion: Motion, latency: float) -> Iterator[Diagnostic]:
     """The finding of a latency that is large enough to matter and surer than chance."""
-    speed = _speed(motion)
+    speed = speed_of(motion)
     if not abs(latency) * speed > LEAST_LAG_MM:
         return
-    deviation = _deviation(motion)
+    deviation = deviation_of(motion)
     if not abs(latency) > LATENCY_SIGNIFICANT * deviation:
         return
     late = "tracker" if latency > 0 else "image"
@@ -63,14 +63,14 @@ def latency_findings(motion: Motion, latency: float) -> Iterator[Diagnostic]:
     )
 
 
-def _speed(motion: Motion) -> float:
+def speed_of(motion: Motion) -> float:
     """Root mean square, of the velocities that are known."""
     return float(
         np.sqrt(np.einsum("ni,ni->", motion.velocity, motion.velocity) / max(motion.usable.sum(), 1))
     )
 
 
-def _deviation(motion: Motion) -> float:
+def deviation_of(motion: Motion) -> float:
     """Of the latency, over stretches of the scan left out in turn."""
     blocks = motion.frame[motion.usable] * BLOCKS // motion.frames
     moments = motion.moments[motion.usable].reshape(len(blocks), -1)
