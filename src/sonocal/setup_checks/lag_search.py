@@ -16,7 +16,7 @@ from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_jacobian
-from sonocal.setup_checks.latency import deviation_of, latency_of, speed_of
+from sonocal.setup_checks.latency import deviation_of, is_significant, latency_of, speed_of
 from sonocal.setup_checks.lines_in_time import Moved, RowsInTime, ShiftedRows
 from sonocal.setup_checks.motion import FEWEST_FRAMES, Motion
 
@@ -27,18 +27,18 @@ __all__ = ["Lag", "find_lag"]
 MOST_S, STEP_S = 0.3, 0.02
 MOST_FRAMES, STEP_FRAMES = 6.0, 0.5
 FEW_SAMPLES = 300
-# Rows that take part in the search, evenly from the whole scan: more make it no surer.
-MOST_ROWS = 400
+# Sightings that take part in the search and in the refinement, evenly from the whole scan: more make it no surer.
+MOST_SEARCHED, MOST_REFINED = 400, 4000
 REFINEMENTS = 6
 # Of the rows whose lines are known as they stand, those that must be known under a lag.
 LEAST_KNOWN = 0.5
-# Standard deviations of a lag that is no chance, over stretches of the scan left out in turn; and of what it gains,
-# over the same stretches: half as many, since the gain grows with the lag's square.
-SIGNIFICANT_LAG, SIGNIFICANT_GAIN = 4.0, 2.0
+# Standard deviations, over stretches of the scan, of what a lag gains: half of those that the lag itself must have,
+# since the gain grows with its square.
+SIGNIFICANT_GAIN = 2.0
 STRETCHES = 12
 # An image shrunk to less than so many thresholds agrees with all lines that pass near one point.
 LEAST_SIZE = 2.0
-# A lag found before consensus must leave so many of the rows that moved agreeing.
+# Share of rows, each of which is meant to be right, that agree under a lag that is one.
 LEAST_AGREEING = 0.5
 # Share of a step within which a refined lag has come to rest.
 AT_REST = 1e-3
@@ -53,8 +53,7 @@ class Lag:
         deviation: its standard deviation.
         unit: "s" or "frames".
         speed: of the needle where it is seen, rms, across itself, mm a unit of time.
-        agreeing, before: rows that agree under the lag and as they stand, of those compared.
-        compared: rows whose lines are known under both.
+        agreeing, compared: rows that agree under the lag, of those whose lines are known under it and without.
         fit: the transform under the lag.
     """
 
@@ -63,7 +62,6 @@ class Lag:
     unit: str
     speed: float
     agreeing: int
-    before: int
     compared: int
     fit: Fit
 
@@ -93,7 +91,9 @@ class _Trial:
         return float(self.costs.mean())
 
 
-def find_lag(rows: RowsInTime, threshold_mm: float, model: Model = "similarity") -> Lag | None:
+def find_lag(
+    rows: RowsInTime, threshold_mm: float, model: Model = "similarity", least: float = LEAST_AGREEING
+) -> Lag | None:
     """The lag that explains more than chance; None where there is none, or where time or motion are missing.
 
     For each of some lags the lines are carried to where they were then, and fitted by consensus from few samples. The
@@ -103,11 +103,12 @@ def find_lag(rows: RowsInTime, threshold_mm: float, model: Model = "similarity")
         rows: and where their lines were at any moment.
         threshold_mm: rows within this distance agree.
         model: of the transform.
+        least: share of the rows that must agree under the lag.
     """
     options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
-    some = rows.select(_some(rows))
+    some = rows.select(_some(rows, MOST_SEARCHED))
     still = _tried(some, 0.0, options)
-    if not _enough(still.shifted, len(rows.table)):
+    if not _enough(still.shifted):
         return None
     most, step = (MOST_S, STEP_S) if rows.unit == "s" else (MOST_FRAMES, STEP_FRAMES)
     count = round(most / step)
@@ -119,22 +120,23 @@ def find_lag(rows: RowsInTime, threshold_mm: float, model: Model = "similarity")
     )
     if best.fit is None:
         return None
-    return _refined(rows, best, options, step, most)
+    found = _refined(rows.select(_some(rows, MOST_REFINED)), best, options, step, most)
+    return found if found is not None and found.agreeing >= least * found.compared else None
 
 
-def _some(rows: RowsInTime) -> NDArray[np.bool_]:
-    """Up to so many rows, whole sightings, evenly from all."""
+def _some(rows: RowsInTime, most: int) -> NDArray[np.bool_]:
+    """(N,): the rows of up to so many sightings, evenly from all."""
     sighting = np.arange(len(rows)) if rows.table.sightings is None else rows.table.sightings
     count = int(sighting.max(initial=0)) + 1
     kept = np.zeros(count, dtype=bool)
-    kept[np.unique(np.linspace(0, count - 1, min(MOST_ROWS, count)).astype(int))] = True
+    kept[np.unique(np.linspace(0, count - 1, min(most, count)).astype(int))] = True
     return kept[sighting]
 
 
-def _enough(shifted: ShiftedRows, count: int) -> bool:
-    frame = shifted.table.frame
-    assert frame is not None
-    return len(np.unique(frame)) >= FEWEST_FRAMES and len(shifted.rows) > 0
+def _enough(shifted: ShiftedRows) -> bool:
+    """Whether a lag can be looked for at all."""
+    assert shifted.table.frame is not None
+    return len(np.unique(shifted.table.frame)) >= FEWEST_FRAMES
 
 
 def _tried(rows: RowsInTime, lag: float, options: Options) -> _Trial:
@@ -172,13 +174,14 @@ def _refined(rows: RowsInTime, best: _Trial, options: Options, step: float, most
     deviation = deviation_of(motion)
     found = _Trial(rows.shifted(lag), None, best.threshold_mm)
     found = replace(found, fit=_fitted(fit, found.shifted.table, options))
-    if not abs(lag) > SIGNIFICANT_LAG * deviation:
+    if not is_significant(motion, lag, deviation, left=motion.residuals):
         return None
     return _compared(rows, found, options, motion, deviation)
 
 
 def _fitted(start: Fit, table: PointLineRows, options: Options) -> Fit:
     """The transform refined on the rows that agree with it."""
+    assert options.threshold_mm != "auto"
     distances = MappedRows(start.transform, table).distances
     return refine_point_lines(start.transform, table, distances <= options.threshold_mm, options)
 
@@ -187,6 +190,7 @@ def _compared(
     rows: RowsInTime, found: _Trial, options: Options, motion: Motion, deviation: float
 ) -> Lag | None:
     """The lag, if over the stretches of the scan its costs are lower than those of the rows as they stand."""
+    assert found.fit is not None
     still = _tried(rows, 0.0, replace(options, max_samples=10 * FEW_SAMPLES))
     common, ours, theirs = np.intersect1d(found.shifted.rows, still.shifted.rows, return_indices=True)
     gain = still.costs[theirs] - found.costs[ours]
@@ -195,15 +199,12 @@ def _compared(
     if not sums.sum() > SIGNIFICANT_GAIN * np.sqrt(STRETCHES) * sums.std(ddof=1):
         return None
     agreeing = int(np.count_nonzero(found.costs[ours] < 1.0))
-    if agreeing < LEAST_AGREEING * len(common):
-        return None
     return Lag(
         value=found.shifted.lag,
         deviation=deviation,
         unit=rows.unit,
         speed=speed_of(motion),
         agreeing=agreeing,
-        before=int(np.count_nonzero(still.costs[theirs] < 1.0)),
         compared=len(common),
         fit=found.fit,
     )

@@ -121,12 +121,11 @@ class Moved:
     def of(cls, usable: NDArray[np.bool_]) -> Self:
         """With nothing filled in."""
         count = len(usable)
-        ends = (np.zeros((count, 2, 3)) for _ in range(2))
-        return cls(usable, *ends, np.zeros(count), np.zeros(count))
+        return cls(usable, np.zeros((count, 2, 3)), np.zeros((count, 2, 3)), np.zeros(count), np.zeros(count))
 
     def select(self, rows: NDArray[np.bool_]) -> Moved:
         """Some of them."""
-        return Moved(*(getattr(self, one.name)[rows] for one in fields(self)))
+        return Moved(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +164,11 @@ class RowsInTime:
 
     @classmethod
     def of(cls, observations: Observations, table: PointLineRows) -> Self:
-        """Of a table alone: each needle's sightings say where it was in between."""
+        """Of a table alone: each needle's sightings say where it was in between. Rows come in the order of time."""
         time, unit = time_of(observations, np.arange(len(observations)))
         track = tracks_of(observations, table)
-        time = time - time.min(initial=np.inf) if len(time) else time
+        order = np.lexsort((*table.points.T, track, time))
+        table, track, time = table.select(order), track[order], time[order] - time[order[:1]]
         return cls(table, LinesInTime.of(track, time, table.segments_mm, _longest(unit)), track, time, unit)
 
     def __len__(self) -> int:

@@ -18,7 +18,7 @@ from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
 from sonocal.setup_checks.evidence import Evidence
 
-__all__ = ["check_flip", "check_needle_end", "check_scale", "check_tool_frame"]
+__all__ = ["check_flip", "check_needle_end", "check_scale", "check_tool_frame", "mirrored", "quick_fit"]
 
 # A scale off by less moves the far corner of a 100 mm image by less than 1 mm.
 LEAST_SCALE_ERROR = 0.01
@@ -97,8 +97,7 @@ def check_flip(
 
 
 def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
-    mirrored = replace(evidence.table, points=evidence.table.points * [1.0, 1.0, -1.0])
-    other = _quick_fit(mirrored, evidence.threshold_mm)
+    other = quick_fit(mirrored(evidence.table), evidence.threshold_mm)
     if other is None:
         return
     agree, others = int(evidence.inlier.sum()), int(other.inlier.sum())
@@ -115,6 +114,11 @@ def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
         ),
         advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
     )
+
+
+def mirrored(table: PointLineRows) -> PointLineRows:
+    """The rows of a volume mirrored along one axis: whichever, since turns make any of the others of it."""
+    return replace(table, points=table.points * [1.0, 1.0, -1.0])
 
 
 def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnostic]:
@@ -179,7 +183,11 @@ def check_needle_end(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def check_tool_frame(
-    table: PointLineRows, *, tracker_from_probe: Array | None = None, threshold_mm: float = 5.0
+    table: PointLineRows,
+    *,
+    tracker_from_probe: Array | None = None,
+    threshold_mm: float = 5.0,
+    agreeing: float | None = None,
 ) -> Iterator[Diagnostic]:
     """Are the lines in the probe marker's frame?
 
@@ -187,8 +195,9 @@ def check_tool_frame(
         table: the rows to fit.
         tracker_from_probe: (N, 4, 4), the probe's pose of each row: tells which frame the lines are in instead.
         threshold_mm: rows further than this from their line do not agree.
+        agreeing: share of the rows that agree as they stand, where that is known already.
     """
-    share = _agreeing_share(table, threshold_mm)
+    share = _agreeing_share(table, threshold_mm) if agreeing is None else agreeing
     found: dict[str, float] = {}
     if tracker_from_probe is not None:
         inverse = np.linalg.inv(tracker_from_probe)
@@ -212,7 +221,7 @@ def check_tool_frame(
 
 
 def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
-    found = _quick_fit(table, threshold_mm)
+    found = quick_fit(table, threshold_mm)
     if found is None:
         return 0.0
     # An image shrunk to nothing agrees with all lines that pass near one point.
@@ -220,7 +229,7 @@ def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
     return 0.0 if lengths < 2.0 * threshold_mm else float(found.inlier.mean())
 
 
-def _quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
+def quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
     """The fit of rows that may make no sense, from fewer samples; None where there is none."""
     try:
         return best_fit(table, Options(threshold_mm=threshold_mm, max_samples=FEW_SAMPLES))[0]
