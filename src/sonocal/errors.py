@@ -8,6 +8,14 @@ SonocalError                       every failure sonocal foresees: one sentence,
 └── UnsupportedError               sound input that sonocal does not handle
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from sonocal.findings import Diagnostic
+
 __all__ = [
     "DegenerateGeometryError",
     "FormatError",
@@ -19,7 +27,20 @@ __all__ = [
 
 
 class SonocalError(Exception):
-    """Every failure that sonocal foresees; its text is one sentence for the user."""
+    """Every failure that sonocal foresees; its text is one sentence for the user.
+
+    Attributes:
+        diagnostics: what was found in the data that were refused, with what explains the refusal first.
+    """
+
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+    def explained(self, findings: Iterable[Diagnostic], message: str | None = None) -> Self:
+        """The same failure with what was found, and with another sentence where one is given."""
+        self.diagnostics = tuple(findings)
+        if message is not None:
+            self.args = (message, *self.args[1:])
+        return self
 
 
 class InputError(SonocalError):

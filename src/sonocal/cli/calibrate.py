@@ -32,6 +32,7 @@ from sonocal.cli.options import (
     seed,
     typed,
 )
+from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.errors import InputError
 
@@ -132,11 +133,12 @@ def calibrate(
 
     _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
     recorded = {name: options.pop(name) for name in OF_RECORDINGS}
-    result = (
-        _from_table(source, options)
-        if lines is None
-        else from_recording(source, lines, output, recorded, options)
-    )
+    with refusing(as_json=as_json):
+        result = (
+            _from_table(source, options)
+            if lines is None
+            else from_recording(source, lines, output, recorded, options)
+        )
     found = result.calibration
     content = calibration_json(found)
     files = {"calibration.json": content, **result.files}

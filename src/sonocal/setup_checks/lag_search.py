@@ -35,7 +35,11 @@ LEAST_KNOWN = 0.5
 # Standard deviations, over stretches of the scan, of what a lag gains: half of those that the lag itself must have,
 # since the gain grows with its square.
 SIGNIFICANT_GAIN = 2.0
+# Share of the costs below which what is left is no drift that looks like a lag: that leaves most of itself.
+MUCH = 0.5
 STRETCHES = 12
+# Share of the velocities' squares that may be noise: needles that stand still tell of no lag.
+MOST_BY_NOISE = 0.75
 # An image shrunk to less than so many thresholds agrees with all lines that pass near one point.
 LEAST_SIZE = 2.0
 # Share of rows, each of which is meant to be right, that agree under a lag that is one.
@@ -166,17 +170,15 @@ def _refined(rows: RowsInTime, best: _Trial, options: Options, step: float, most
             return None
         change = float(np.clip(latency_of(motion), -step, step))
         lag += change
-        if abs(lag) > most:
+        if abs(lag) > most + step:
             return None
         if abs(change) < AT_REST * step:
             break
     assert motion is not None
-    deviation = deviation_of(motion)
     found = _Trial(rows.shifted(lag), None, best.threshold_mm)
     found = replace(found, fit=_fitted(fit, found.shifted.table, options))
-    if not is_significant(motion, lag, deviation, left=motion.residuals):
-        return None
-    return _compared(rows, found, options, motion, deviation)
+    still = _tried(rows, 0.0, replace(options, max_samples=10 * FEW_SAMPLES))
+    return _compared(rows.time, found, still, motion)
 
 
 def _fitted(start: Fit, table: PointLineRows, options: Options) -> Fit:
@@ -186,32 +188,41 @@ def _fitted(start: Fit, table: PointLineRows, options: Options) -> Fit:
     return refine_point_lines(start.transform, table, distances <= options.threshold_mm, options)
 
 
-def _compared(
-    rows: RowsInTime, found: _Trial, options: Options, motion: Motion, deviation: float
-) -> Lag | None:
-    """The lag, if over the stretches of the scan its costs are lower than those of the rows as they stand."""
+def _compared(time: Array, found: _Trial, still: _Trial, motion: Motion) -> Lag | None:
+    """The lag, if it is surer than chance and its rows' costs are lower over the stretches of the scan."""
     assert found.fit is not None
-    still = _tried(rows, 0.0, replace(options, max_samples=10 * FEW_SAMPLES))
     common, ours, theirs = np.intersect1d(found.shifted.rows, still.shifted.rows, return_indices=True)
-    gain = still.costs[theirs] - found.costs[ours]
-    stretch = np.argsort(np.argsort(rows.time[common], kind="stable")) * STRETCHES // max(len(common), 1)
-    sums = np.bincount(stretch, gain, minlength=STRETCHES)
-    if not sums.sum() > SIGNIFICANT_GAIN * np.sqrt(STRETCHES) * sums.std(ddof=1):
+    before, after = still.costs[theirs], found.costs[ours]
+    stretch = np.argsort(np.argsort(time[common], kind="stable")) * STRETCHES // max(len(common), 1)
+    gains = np.bincount(stretch, before - after, minlength=STRETCHES)
+    if not _signed_rank(gains) > SIGNIFICANT_GAIN:
         return None
-    agreeing = int(np.count_nonzero(found.costs[ours] < 1.0))
+    agree, lag, deviation = after < 1.0, found.shifted.lag, deviation_of(motion)
+    much = float(after[agree].sum()) < MUCH * float(before[agree].sum())
+    if not is_significant(motion, lag, deviation, motion.residuals, may_drift=not much):
+        return None
     return Lag(
-        value=found.shifted.lag,
+        value=lag,
         deviation=deviation,
-        unit=rows.unit,
+        unit=motion.unit,
         speed=speed_of(motion),
-        agreeing=agreeing,
+        agreeing=int(np.count_nonzero(agree)),
         compared=len(common),
         fit=found.fit,
     )
 
 
+def _signed_rank(gains: Array) -> float:
+    """Wilcoxon's signed-rank statistic of gains (S,) against none, in standard deviations.
+
+    A lag throws some stretches out of the fit altogether and hardly shows in others: signs and ranks tell of both.
+    """
+    ranks = np.argsort(np.argsort(np.abs(gains))) + 1.0
+    return float(np.sum(np.sign(gains) * ranks) / np.sqrt(np.sum(ranks**2)))
+
+
 def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> Motion | None:
-    """What the transform's motions and time do to the rows that agree; None where they are too few."""
+    """What the transform's motions and time do to the rows that agree; None where they are too few or too slow."""
     mapped = MappedRows(fit.transform, shifted.table)
     agree = np.flatnonzero(mapped.distances <= threshold_mm)
     assert shifted.table.frame is not None
@@ -223,6 +234,10 @@ def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> M
     velocities = shifted.moved.velocities[agree]
     moved = velocities[:, 0] * (1 - share) + velocities[:, 1] * share
     frame = np.unique(shifted.table.frame[agree], return_inverse=True)[1].reshape(-1).astype(np.int64)
+    velocity = moved - directions * np.einsum("ni,ni->n", moved, directions)[:, None]
+    by_noise = _by_noise(shifted.moved, agree, share)
+    if by_noise[:, 1].sum() > MOST_BY_NOISE * np.sum(velocity**2):
+        return None
     return Motion(
         rows=shifted.rows[agree],
         frame=frame,
@@ -230,10 +245,10 @@ def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> M
         residuals=mapped.residuals[agree],
         displaced=displaced,
         jacobian=displaced - directions[:, :, None] * (directions[:, None, :] @ displaced),
-        velocity=moved - directions * np.einsum("ni,ni->n", moved, directions)[:, None],
+        velocity=velocity,
         usable=np.full(len(agree), True),
         unit=unit,
-        by_noise=_by_noise(shifted.moved, agree, share),
+        by_noise=by_noise,
     )
 
 

@@ -73,9 +73,11 @@ def latency_findings(motion: Motion, latency: float, tolerance_mm: float) -> Ite
         yield beyond_tolerance(f"the lag moves the needle by {moved_mm:.1f} mm", tolerance_mm)
 
 
-def is_significant(motion: Motion, latency: float, deviation: float, left: Array) -> bool:
+def is_significant(
+    motion: Motion, latency: float, deviation: float, left: Array, *, may_drift: bool = True
+) -> bool:
     """Whether a latency is more than chance, given the residuals (N, 3) that it leaves."""
-    drifts = stretch_length(left[motion.usable], motion.frame[motion.usable]) > TOGETHER_FRAMES
+    drifts = may_drift and stretch_length(left[motion.usable], motion.frame[motion.usable]) > TOGETHER_FRAMES
     return abs(latency) > SIGNIFICANT_LAG * deviation * (OF_A_DRIFT if drifts else 1.0)
 
 

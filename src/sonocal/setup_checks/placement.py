@@ -18,7 +18,15 @@ from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
 from sonocal.setup_checks.evidence import Evidence
 
-__all__ = ["check_flip", "check_needle_end", "check_scale", "check_tool_frame", "mirrored", "quick_fit"]
+__all__ = [
+    "check_flip",
+    "check_needle_end",
+    "check_scale",
+    "check_tool_frame",
+    "mirrored",
+    "quick_fit",
+    "wrong_frame",
+]
 
 # A scale off by less moves the far corner of a 100 mm image by less than 1 mm.
 LEAST_SCALE_ERROR = 0.01
@@ -35,6 +43,10 @@ BEYOND_END_MM = 5.0
 # Rows in no common frame agree by chance only; other frames are believed when they agree by much more.
 POOR_SHARE, GOOD_SHARE, GAIN = 0.5, 0.6, 0.25
 FEW_SAMPLES = 1000
+WHICH_FRAME = (
+    "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the same "
+    "instant"
+)
 
 
 def check_scale(evidence: Evidence, scanner_mm_per_px: float | tuple[float, float]) -> Iterator[Diagnostic]:
@@ -206,17 +218,15 @@ def check_tool_frame(
             found[where] = _agreeing_share(replace(table, segments_mm=moved), threshold_mm)
     best = max(found, key=lambda name: found[name]) if found else ""
     if found and found[best] > max(GOOD_SHARE, share + GAIN):
-        yield _wrong_frame(
+        yield wrong_frame(
             f"only {100 * share:.0f} % of the rows agree as they stand, and {100 * found[best]:.0f} % when the lines "
             f"are taken to be in {best}",
             "carry the lines into the probe marker's frame: probe_from_needle = probe_from_tracker @ "
             "tracker_from_needle, and mind which way each transform goes",
         )
     elif share < POOR_SHARE:
-        yield _wrong_frame(
-            f"only {100 * share:.0f} % of the rows agree, hardly more than rows in no common frame would",
-            "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the "
-            "same instant",
+        yield wrong_frame(
+            f"only {100 * share:.0f} % of the rows agree, hardly more than rows in no common frame would"
         )
 
 
@@ -237,5 +247,6 @@ def quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
         return None
 
 
-def _wrong_frame(message: str, advice: str) -> Diagnostic:
+def wrong_frame(message: str, advice: str = WHICH_FRAME) -> Diagnostic:
+    """The finding that lines are not in the frame that they are said to be in."""
     return Diagnostic(code="wrong-tool-frame", severity="warning", message=message, advice=advice)
