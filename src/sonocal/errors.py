@@ -31,14 +31,17 @@ class SonocalError(Exception):
 
     Attributes:
         diagnostics: what was found in the data that were refused, with what explains the refusal first.
+        refusal: the sentence as it was before findings explained it; None where none did.
     """
 
     diagnostics: tuple[Diagnostic, ...] = ()
+    refusal: str | None = None
 
     def explained(self, findings: Iterable[Diagnostic], message: str | None = None) -> Self:
         """The same failure with what was found, and with another sentence where one is given."""
         self.diagnostics = tuple(findings)
         if message is not None:
+            self.refusal = self.refusal or str(self)
             self.args = (message, *self.args[1:])
         return self
 

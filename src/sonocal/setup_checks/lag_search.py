@@ -194,7 +194,7 @@ def _compared(time: Array, found: _Trial, still: _Trial, motion: Motion) -> Lag 
     common, ours, theirs = np.intersect1d(found.shifted.rows, still.shifted.rows, return_indices=True)
     before, after = still.costs[theirs], found.costs[ours]
     stretch = np.argsort(np.argsort(time[common], kind="stable")) * STRETCHES // max(len(common), 1)
-    gains = np.bincount(stretch, before - after, minlength=STRETCHES)
+    gains = np.bincount(stretch, before - after, minlength=STRETCHES).astype(float)
     if not _signed_rank(gains) > SIGNIFICANT_GAIN:
         return None
     agree, lag, deviation = after < 1.0, found.shifted.lag, deviation_of(motion)

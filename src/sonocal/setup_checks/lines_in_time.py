@@ -171,6 +171,31 @@ class RowsInTime:
         table, track, time = table.select(order), track[order], time[order] - time[order[:1]]
         return cls(table, LinesInTime.of(track, time, table.segments_mm, _longest(unit)), track, time, unit)
 
+    @classmethod
+    def in_recording(
+        cls,
+        table: PointLineRows,
+        times: Array,
+        segments_mm: Array,
+        frame: NDArray[np.int64],
+        track: NDArray[np.int64],
+    ) -> Self:
+        """Of sightings in a recording, whose every item says where its needles were.
+
+        Args:
+            table: the sightings.
+            times: (I,), s, of the items.
+            segments_mm: (I, L, 2, 3): each needle's in each item, NaN where it is not known.
+            frame: (N,): the item of each row.
+            track: (N,): its needle.
+        """
+        order = np.lexsort((*table.points.T, track, frame))
+        table, frame, track = table.select(order), frame[order], track[order]
+        items, needles = np.nonzero(np.isfinite(segments_mm).all(axis=(2, 3)))
+        time = times - times.min()
+        lines = LinesInTime.of(needles, time[items], segments_mm[items, needles], LONGEST_S)
+        return cls(table, lines, track, time[frame], "s")
+
     def __len__(self) -> int:
         return len(self.table)
 

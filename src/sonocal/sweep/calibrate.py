@@ -35,6 +35,7 @@ from sonocal.sweep.options import (
     telling_threshold_mm,
 )
 from sonocal.sweep.second_look import SecondLook
+from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
 from sonocal.targets import Line
 
@@ -136,9 +137,13 @@ class Sweep:
         again = self.options.second_look
         look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
         most_mm = telling_threshold_mm(self.lines)
-        found = calibrate_chosen(table, self.options, images * len(self.lines), look, most_mm)
-        recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
-        return replace(found, calibration=recorded)
+        suspects = _suspects(self.recording, self.lines, detections, self.options)
+        with suspects.explaining():
+            found = calibrate_chosen(table, self.options, images * len(self.lines), look, most_mm)
+        judged = suspects.judging(found.calibration, found.used, found.sightings)
+        return replace(
+            found, calibration=_as_recorded(judged, self.recording, self.lines, self.options.probe)
+        )
 
 
 def no_candidates(name: str, images: int) -> NoConsensusError:
@@ -176,9 +181,22 @@ def calibrate_points(
             "name one"
         )
     sightings = tabulate(recording, lines, detections, asked.posing)
-    found = calibrate(sightings.observations, **of_calibrate(asked))
-    found = found.with_findings(sightings.diagnostics)
+    suspects = _suspects(recording, lines, detections, asked)
+    with suspects.explaining():
+        found = calibrate(sightings.observations, **of_calibrate(asked))
+    found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
+        sightings.diagnostics
+    )
     return _as_recorded(found, recording, lines, asked.probe), sightings.observations
+
+
+def _suspects(
+    recording: Recording, lines: Sequence[Line], detections: Detections, options: PointsOptions
+) -> Suspects:
+    """What may be wrong, looked at within the threshold asked for, or what tells the lines apart."""
+    threshold = options.threshold_mm
+    within_mm = telling_threshold_mm(lines) if threshold == "auto" else float(threshold)
+    return Suspects(recording, tuple(lines), detections, options.posing, options, within_mm)
 
 
 def _as_recorded(
