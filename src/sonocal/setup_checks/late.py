@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonocal.findings import Diagnostic
-from sonocal.geometry import area_places
+from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.latency import (
@@ -43,7 +43,7 @@ def lags_of(evidence: Evidence, motion: Motion | None, latency: float) -> Iterat
         lag = find_lag(rows, evidence.threshold_mm, evidence.model)
         if lag is not None and lag.moved_mm > LEAST_LAG_MM:
             yield lag_finding(lag)
-            yield from spoiling_lag(lag, evidence)
+            yield from spoiling_lag(lag, evidence.transform, evidence.area_px, evidence.tolerance_mm)
             return
     if motion is not None:
         yield from latency_findings(motion, latency, evidence.tolerance_mm)
@@ -68,12 +68,20 @@ def lag_finding(lag: Lag, known_s: float = 0.0) -> Diagnostic:
     return latency_finding(f"{words}; {rows}", lag.value, lag.unit, known_s)
 
 
-def spoiling_lag(lag: Lag, evidence: Evidence) -> Iterator[Diagnostic]:
-    """The finding that the answer is not to be used: without the lag it is another one."""
-    corners = area_places(evidence.area_px)[:-1]
-    apart = np.linalg.norm(lag.fit.transform @ corners - evidence.transform @ corners, axis=-1).max()
-    if apart > evidence.tolerance_mm:
+def spoiling_lag(
+    lag: Lag, transform: AxisScaled, area_px: Array, tolerance_mm: float
+) -> Iterator[Diagnostic]:
+    """The finding that an answer is not to be used: without the lag it is another one.
+
+    Args:
+        lag: what was found.
+        transform: the answer.
+        area_px: (2, d): the least and the greatest corner of the image.
+        tolerance_mm: error at the image's corners that is accepted.
+    """
+    corners = area_places(area_px)[:-1]
+    apart = np.linalg.norm(lag.fit.transform @ corners - transform @ corners, axis=-1).max()
+    if apart > tolerance_mm:
         yield beyond_tolerance(
-            f"with the lag undone the image's corners lie up to {apart:.1f} mm elsewhere",
-            evidence.tolerance_mm,
+            f"with the lag undone the image's corners lie up to {apart:.1f} mm elsewhere", tolerance_mm
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Poses, Recording
-from sonocal.setup_checks.lag_search import find_lag
-from sonocal.setup_checks.late import lag_finding
+from sonocal.setup_checks.lag_search import Lag, find_lag
+from sonocal.setup_checks.late import lag_finding, spoiling_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.placement import GAIN, quick_fit, wrong_frame
@@ -33,7 +34,7 @@ RANKS = 2
 OF = "'s"
 # Share of the images' best candidates that agree where all is well, others lie on clutter; and of images in which one
 # of the first two does.
-LEAST_SHARE, GOOD_SHARE = 0.4, 0.6
+LEAST_SHARE, GOOD_SHARE = 0.25, 0.6
 # Share of the sightings below which it is asked why not more took part: needles are out of view for a while.
 FEW = 0.7
 
@@ -82,6 +83,10 @@ class Suspects:
             if used >= FEW * sightings and not any(one.code == "latency" for one in own):
                 return own
             found = self.findings(used)
+            if self._lag is not None:
+                tolerance_mm = self.options.tolerance_mm
+                answer = calibration.probe_from_image, calibration.area_px
+                found += tuple(spoiling_lag(self._lag, *answer, tolerance_mm))
             better = {one.code for one in found} | ({"latency", "wrong-tool-frame"} if found else set())
             return (*found, *(one for one in own if one.code not in better))
 
@@ -104,10 +109,11 @@ class Suspects:
         best = self.detections.select(self.detections.rank < ranks)
         return tabulated(self.recording, self.lines, best, segments_mm).observations
 
-    def _late(self) -> Iterator[Diagnostic]:
+    @cached_property
+    def _lag(self) -> Lag | None:
         """Lines from another moment: the poses of all items say where they were, not only those with a detection."""
         if np.isnan(self.recording.times).any():
-            return
+            return None
         segments = self.posing.segments_mm(self.recording, self.lines)
         table = self._table(segments, ranks=1)
         names = [line.name for line in self.lines]
@@ -116,8 +122,11 @@ class Suspects:
             point_line_rows(table), self.recording.times, segments, table.frame, track
         )
         lag = find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
-        if lag is not None and lag.moved_mm > LEAST_LAG_MM:
-            yield lag_finding(lag, self.recording.latency_s)
+        return lag if lag is not None and lag.moved_mm > LEAST_LAG_MM else None
+
+    def _late(self) -> Iterator[Diagnostic]:
+        if self._lag is not None:
+            yield lag_finding(self._lag, self.recording.latency_s)
 
     def _wrong_poses(self) -> Iterator[Diagnostic]:
         """Poses that fit when they are taken for something else."""
