@@ -114,15 +114,19 @@ class Suspects:
         """Lines from another moment: the poses of all items say where they were, not only those with a detection."""
         if np.isnan(self.recording.times).any():
             return None
+        lags = (self._lag_of(ranks) for ranks in (1, RANKS))
+        return next((lag for lag in lags if lag is not None and lag.moved_mm > LEAST_LAG_MM), None)
+
+    def _lag_of(self, ranks: int) -> Lag | None:
+        """From so many candidates an image: the first are the surest, and in speckle too few of them the needle."""
         segments = self.posing.segments_mm(self.recording, self.lines)
-        table = self._table(segments, ranks=1)
+        table = self._table(segments, ranks)
         names = [line.name for line in self.lines]
         track = np.array([names.index(str(name)) for name in table.target])
         rows = RowsInTime.in_recording(
             point_line_rows(table), self.recording.times, segments, table.frame, track
         )
-        lag = find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
-        return lag if lag is not None and lag.moved_mm > LEAST_LAG_MM else None
+        return find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
 
     def _late(self) -> Iterator[Diagnostic]:
         if self._lag is not None:
