@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sonocal as sc
-from sonocal.findings import Diagnostic, Findings
+from sonocal.findings import DECISIVE, Diagnostic, Findings
 
 SLIPPED = {"slip": (np.array([0.0, 0.05, 0.0]), np.array([4.0, 0.0, 0.0]))}
 

@@ -38,6 +38,7 @@ class LinesInTime:
         knot: (M,): where the curve's knots are among them.
         begins: (M,): the curve's moment at each knot.
         joined: (M,): whether the next knot is of the same piece.
+        origin: the time that moments count from.
         offset: of one track's moments to the next one's.
         sigma_mm: noise of single sightings along each axis, as each one's neighbours tell; 0 where too few do.
     """
@@ -47,6 +48,7 @@ class LinesInTime:
     knot: NDArray[np.int64]
     begins: Array
     joined: NDArray[np.bool_]
+    origin: float
     offset: float
     sigma_mm: float
 
@@ -61,7 +63,8 @@ class LinesInTime:
             longest: stretch that is bridged, in units of time.
         """
         offset = 2.0 * float(np.ptp(time)) + 2.0 * LONGEST_S + 2.0 if len(time) else 1.0
-        axis = time - time.min(initial=np.inf) + track * offset if len(time) else time
+        origin = float(time.min()) if len(time) else 0.0
+        axis = time - origin + track * offset
         order = np.lexsort((np.arange(len(axis)), axis))
         order = order[np.concatenate([[True], np.diff(axis[order]) > 0])] if len(order) else order
         axis, places = axis[order], segments_mm[order].reshape(-1, 6)
@@ -75,11 +78,11 @@ class LinesInTime:
         knot = np.arange(len(axis)) + 2 * piece + 1
         begins = (moments[knot - 1] + 4.0 * moments[knot] + moments[knot + 1]) / 6.0
         joined = np.diff(piece, append=-1) == 0
-        return cls(places, moments, knot, begins, joined, offset, sigma_mm)
+        return cls(places, moments, knot, begins, joined, origin, offset, sigma_mm)
 
     def at(self, track: NDArray[np.int64], time: Array) -> Moved:
-        """Where the lines of some tracks (N,) were at some times (N,), from the earliest sighting on."""
-        axis = time + track * self.offset
+        """Where the lines of some tracks (N,) were at some times (N,)."""
+        axis = time - self.origin + track * self.offset
         if not len(self.knot):
             return Moved.of(np.zeros(len(time), dtype=bool))
         here = np.clip(np.searchsorted(self.begins, axis, side="right") - 1, 0, None)
