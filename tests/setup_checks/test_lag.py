@@ -14,9 +14,9 @@ from sonocal.recording import with_latency
 from sonocal.setup_checks import Refused, refusal_findings
 from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.lines_in_time import LinesInTime, RowsInTime
-from sonocal.simulation.scene import simulate_observations
 from sonocal.sweep import calibrate_points
 from sonocal.sweep.suspects import CHANGES
+from tests.builders.similarities import random_similarity
 
 seeds = st.integers(0, 1000)
 lags = st.floats(0.05, 0.19).flatmap(lambda lag: st.sampled_from([lag, -lag]))
@@ -111,8 +111,11 @@ def test_a_refusal_for_a_lag_leads_with_it_and_carries_it():
 
 
 def test_a_mirrored_volume_is_named_where_it_is_refused():
-    rows = simulate_observations(3, 60, seed=0).observations
-    wrong = dataclasses.replace(rows, points_px=rows.points_px * [1, 1, -1])
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 500, (50, 2, 3))
+    segments = random_similarity(0, scale=0.3) @ np.repeat(points, 2, axis=0)
+    seen = points.reshape(-1, 3) * [1, 1, -1] + rng.normal(size=(100, 3))
+    wrong = sc.Observations(seen, segments, frame=np.repeat(np.arange(50), 2))
     with pytest.raises(
         sc.NoConsensusError, match="the volume fits when it is mirrored along one axis"
     ) as caught:
