@@ -31,7 +31,15 @@ ROOMS: dict[str, set[str]] = {
     "export": {"calibration", "validation"},
     "report": {"calibration", "validation", "observations", "registration"},
     "validation": {"calibration", "setup_checks", "observations", "registration"},
-    "sweep": {"calibration", "detection", "recording", "observations", "targets", "registration"},
+    "sweep": {
+        "calibration",
+        "setup_checks",
+        "detection",
+        "recording",
+        "observations",
+        "targets",
+        "registration",
+    },
     "calibration": {"setup_checks", "observations", "registration"},
     "setup_checks": {"observations", "registration"},
     "detection": {"recording", "recording.formats", "_core"},
@@ -43,8 +51,8 @@ ROOMS: dict[str, set[str]] = {
     "targets": set(),
     "geometry": {"errors"},
     "files": {"errors"},
+    "errors": {"findings"},
     "findings": set(),
-    "errors": set(),
     "_core": set(),
 }
 # The public face is lazy: it names rooms and imports none.

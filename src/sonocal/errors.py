@@ -9,7 +9,14 @@ SonocalError                       every failure sonocal foresees: one sentence,
 └── UnsupportedError               sound input that sonocal does not handle
 """
 
+from __future__ import annotations
+
 import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from sonocal.findings import Diagnostic
 
 __all__ = [
     "DegenerateGeometryError",
@@ -24,11 +31,26 @@ __all__ = [
 
 
 class SonocalError(Exception):
-    """Every failure that sonocal foresees; its text is one sentence for the user, in one line."""
+    """Every failure that sonocal foresees; its text is one sentence for the user, in one line.
+
+    Attributes:
+        diagnostics: what was found in the data that were refused, with what explains the refusal first.
+        refusal: the sentence as it was before findings explained it; None where none did.
+    """
+
+    diagnostics: tuple[Diagnostic, ...] = ()
+    refusal: str | None = None
 
     def __init__(self, message: str) -> None:
-        # What arrived and is quoted, such as an array, may have several.
-        super().__init__(re.sub(r"\s*[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]+\s*", " ", message))
+        super().__init__(_one_line(message))
+
+    def explained(self, findings: Iterable[Diagnostic], message: str | None = None) -> Self:
+        """The same failure with what was found, and with another sentence where one is given."""
+        self.diagnostics = tuple(findings)
+        if message is not None:
+            self.refusal = self.refusal or str(self)
+            self.args = (_one_line(message), *self.args[1:])
+        return self
 
 
 class InputError(SonocalError):
@@ -84,3 +106,8 @@ class MirroredVolumeError(NoConsensusError):
 
 class UnsupportedError(SonocalError):
     """Sound input that sonocal does not handle."""
+
+
+def _one_line(message: str) -> str:
+    """A message whose quotes of what arrived, such as an array, may have several lines."""
+    return re.sub(r"\s*[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]+\s*", " ", message)

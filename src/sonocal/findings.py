@@ -7,7 +7,17 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Literal, overload
 
-__all__ = ["CODES", "PAGE", "REASONS", "REFUSALS", "Diagnostic", "Findings", "anchor_of", "warnings_first"]
+__all__ = [
+    "CODES",
+    "DECISIVE",
+    "PAGE",
+    "REASONS",
+    "REFUSALS",
+    "Diagnostic",
+    "Findings",
+    "anchor_of",
+    "warnings_first",
+]
 
 # Where the documentation has a section for each code of the three tables.
 PAGE = "docs/findings.md"
@@ -29,6 +39,7 @@ CODES = {
     "held-out-rows-far-off": "held-out rows are off by far more than is accepted",
     # setup_checks
     "latency": "image and tracker are not of the same instant",
+    "latency-beyond-tolerance": "with the lag undone the answer is another one",
     "marker-slipped": "the marker moved on the probe during the scan",
     "flipped-image": "the image is mirrored or turned",
     "scale-differs-from-scanner": "mm/px are not what the scanner says",
@@ -36,6 +47,7 @@ CODES = {
     "wrong-tool-frame": "the lines are in another frame than the probe marker's",
     # sweep
     "second-needle": "a second needle, or an echo, moves with the needle",
+    "wrong-poses": "poses are inverted, transposed, or of another quaternion order",
     "images-used": "how many images took part",
     "no-pose": "detections without a valid pose",
     "no-image": "detections in images marked invalid",
@@ -88,6 +100,15 @@ REFUSALS = {
     "not-a-spin": "the tool turned about more than one axis",
     "points-too-close": "the needle's two points are one within their noise",
     "moving": "the stylus moved during the touch",
+}
+
+# Codes of findings that explain others: many rows left out, a weak motion, a drift. They are read first.
+DECISIVE = {
+    "latency",
+    "latency-beyond-tolerance",
+    "wrong-poses",
+    "wrong-tool-frame",
+    "flipped-image",
 }
 
 # Codes of reasons of a verdict that are no findings.
@@ -178,5 +199,7 @@ class Findings(Sequence[Diagnostic]):
 
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """The findings in their order, those to read before use before the others."""
-    return tuple(sorted(findings, key=lambda finding: finding.severity != "warning"))
+    """The findings in their order: those to read before use before the others, of these what explains others first."""
+    return tuple(
+        sorted(findings, key=lambda finding: (finding.severity != "warning", finding.code not in DECISIVE))
+    )

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import sonocal as sc
-from sonocal.findings import Diagnostic, Findings
+from sonocal.findings import DECISIVE, Diagnostic, Findings
 
 SLIPPED = {"slip": (np.array([0.0, 0.05, 0.0]), np.array([4.0, 0.0, 0.0]))}
 
@@ -32,6 +32,11 @@ def slipped():
     return sc.calibrate(scan(3, **SLIPPED).observations)
 
 
+def as_read(one):
+    """Warnings first, and of these what explains others."""
+    return one.severity != "warning", one.code not in DECISIVE
+
+
 @given(st.lists(findings, max_size=4))
 def test_what_is_looked_for_is_found_once_with_warnings_first(parts):
     looked = []
@@ -44,7 +49,7 @@ def test_what_is_looked_for_is_found_once_with_warnings_first(parts):
     assert not looked
     assert len(found) == sum(map(len, parts))
     everything = [one for part in parts for one in part]
-    assert list(found) == sorted(everything, key=lambda one: one.severity != "warning")
+    assert list(found) == sorted(everything, key=as_read)
     assert found == tuple(found)
     assert len(looked) == len(parts)
 
@@ -54,7 +59,7 @@ def test_further_findings_wait_for_those_before_them(first, further):
     looked = []
     found = Findings(looks=[lambda: looked.append(1) or first]).with_further(further)
     assert not looked
-    assert list(found) == sorted([*first, *further], key=lambda one: one.severity != "warning")
+    assert list(found) == sorted([*first, *further], key=as_read)
     assert list(Findings(first)) == first  # those of a file keep the file's order
 
 

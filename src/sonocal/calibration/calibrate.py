@@ -12,6 +12,7 @@ from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
+from sonocal.calibration.refusals import explained
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
@@ -78,7 +79,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     area = image_area(rows, asked.image_size_px)
 
     # The transform that most rows agree with, refined on those that do.
-    table, fit, mirrored = fit_rows(rows, asked)
+    with explained(rows, asked):
+        table, fit, mirrored = fit_rows(rows, asked)
     mapped, used = MappedRows(fit.transform, table), asked.resolved(fit.threshold_mm)
 
     # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.

@@ -35,6 +35,7 @@ from sonocal.cli.options import (
     typed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
+from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.cli.screen.plain import say_json
 from sonocal.errors import InputError
@@ -139,11 +140,12 @@ def calibrate(
     if source.exists():  # else a reader says so
         reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
     recorded = {name: options.pop(name) for name in OF_RECORDINGS}
-    result = (
-        _from_table(source, options)
-        if lines is None
-        else from_recording(source, lines, output, recorded, options)
-    )
+    with refusing(as_json=as_json):
+        result = (
+            _from_table(source, options)
+            if lines is None
+            else from_recording(source, lines, output, recorded, options)
+        )
     found = result.calibration
     content = calibration_json(found)
     files = {"calibration.json": content, **result.files}

@@ -253,7 +253,9 @@ def stacked(tables: Sequence[Observations]) -> Observations:
         parts = [getattr(table, name) for table in tables]
         whole = name != "lines" and all(part is not None for part in parts)
         columns[name] = np.concatenate(parts)[order] if whole else None
-    return tables[0].with_sound(**columns, extra={}, sha256="")
+    shared = [name for name in tables[0].extra if all(name in table.extra for table in tables)]
+    extra = {name: np.concatenate([table.extra[name] for table in tables])[order] for name in shared}
+    return tables[0].with_sound(**columns, extra=extra, sha256="")
 
 
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:

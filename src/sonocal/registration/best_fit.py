@@ -66,7 +66,9 @@ def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
     agreeing = f"{np.count_nonzero(fit.inlier)} of {len(rows)} rows are within {fit.threshold_mm:.3g} mm of their lines"
     if near is not None:
         raise DegenerateGeometryError(
-            f"only {agreeing} once refined: {near.cause}; {near.advice}", code="free-motion"
+            f"only {agreeing} once refined; check which tool's transform carried the lines, which way it goes, "
+            f"and that rows and poses are of the same instant; where they are, {near.advice}: {near.cause}",
+            code="free-motion",
         )
     raise NoConsensusError(
         f"only {agreeing} once refined; check that rows are matched to the right needle poses",

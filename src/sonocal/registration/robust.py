@@ -90,8 +90,8 @@ def _fit_coplanar(rows: PointLineRows, options: Options) -> Fit | None:
         _core.Table.of_planes(np.repeat(rows.points[order], 2, axis=0), planes, first),
         rows.core_options(options),
     )
-    # The best of samples that nothing agrees with may be an image of no size, which no transform is.
-    if not found.found or found.inliers < COPLANAR_LINES or not found.scales[0] > 0:
+    shrunk = not (np.all(np.isfinite(found.translation)) and found.scales[0] > 0)
+    if not found.found or found.inliers < COPLANAR_LINES or shrunk:
         return None
     start = Similarity(found.rotation, found.translation, found.scales[0])
     away = np.linalg.norm(away_from_lines(start @ rows.points, rows.segments_mm), axis=1)

@@ -14,11 +14,13 @@ from sonocal.setup_checks.copies import check_copies
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.latency import check_latency
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
+from sonocal.setup_checks.refused import Refused, refusal_findings
 from sonocal.setup_checks.slip import check_slip
 from sonocal.setup_checks.whole import check_setup
 
 __all__ = [
     "Evidence",
+    "Refused",
     "check_copies",
     "check_flip",
     "check_latency",
@@ -27,4 +29,5 @@ __all__ = [
     "check_setup",
     "check_slip",
     "check_tool_frame",
+    "refusal_findings",
 ]

@@ -29,6 +29,7 @@ class Evidence:
         area_px: (2, d): the least and the greatest corner of the image.
         threshold_mm: rows within this distance agree.
         rms_mm: of the distances of the rows that agree.
+        tolerance_mm: error at the image's corners that is accepted.
     """
 
     observations: Observations
@@ -38,6 +39,7 @@ class Evidence:
     area_px: Array
     threshold_mm: float
     rms_mm: float
+    tolerance_mm: float = 2.0
 
     @property
     def transform(self) -> AxisScaled:

@@ -19,7 +19,14 @@ from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
 from sonocal.setup_checks.evidence import Evidence
 
-__all__ = ["check_flip", "check_needle_end", "check_scale", "check_tool_frame"]
+__all__ = [
+    "check_flip",
+    "check_needle_end",
+    "check_scale",
+    "check_tool_frame",
+    "quick_fit",
+    "wrong_frame",
+]
 
 # A scale off by less moves the far corner of a 100 mm image by less than 1 mm.
 LEAST_SCALE_ERROR = 0.01
@@ -40,6 +47,10 @@ BEYOND_END_MM = 5.0
 # Rows in no common frame agree by chance only; other frames are believed when they agree by much more.
 POOR_SHARE, GOOD_SHARE, GAIN = 0.5, 0.6, 0.25
 FEW_SAMPLES = 1000
+WHICH_FRAME = (
+    "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the same "
+    "instant"
+)
 
 
 def check_scale(evidence: Evidence, scanner_mm_per_px: float | tuple[float, float]) -> Iterator[Diagnostic]:
@@ -123,7 +134,7 @@ def _mirrored_fit(evidence: Evidence) -> Fit | None:
     mirrored, agree = mirrored_volume(evidence.table), int(evidence.inlier.sum())
     # A threshold that was to be found from rows of a mirrored volume is as wide as the volume.
     for within_mm in sorted({evidence.threshold_mm, min(evidence.threshold_mm, USUAL_MM)}):
-        other = _quick_fit(mirrored, within_mm)
+        other = quick_fit(mirrored, within_mm)
         if other is None:
             continue
         others, closer = int(other.inlier.sum()), _middle(other.residuals_mm, evidence.mapped.distances)
@@ -201,7 +212,11 @@ def check_needle_end(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def check_tool_frame(
-    table: PointLineRows, *, tracker_from_probe: Array | None = None, threshold_mm: float = 5.0
+    table: PointLineRows,
+    *,
+    tracker_from_probe: Array | None = None,
+    threshold_mm: float = 5.0,
+    agreeing: float | None = None,
 ) -> Iterator[Diagnostic]:
     """Are the lines in the probe marker's frame?
 
@@ -209,8 +224,9 @@ def check_tool_frame(
         table: the rows to fit.
         tracker_from_probe: (N, 4, 4), the probe's pose of each row: tells which frame the lines are in instead.
         threshold_mm: rows further than this from their line do not agree.
+        agreeing: share of the rows that agree as they stand, where that is known already.
     """
-    share = _agreeing_share(table, threshold_mm)
+    share = _agreeing_share(table, threshold_mm) if agreeing is None else agreeing
     found: dict[str, float] = {}
     if tracker_from_probe is not None:
         inverse = np.linalg.inv(tracker_from_probe)
@@ -219,22 +235,20 @@ def check_tool_frame(
             found[where] = _agreeing_share(replace(table, segments_mm=moved), threshold_mm)
     best = max(found, key=lambda name: found[name]) if found else ""
     if found and found[best] > max(GOOD_SHARE, share + GAIN):
-        yield _wrong_frame(
+        yield wrong_frame(
             f"only {100 * share:.0f} % of the rows agree as they stand, and {100 * found[best]:.0f} % when the lines "
             f"are taken to be in {best}",
             "carry the lines into the probe marker's frame: probe_from_needle = probe_from_tracker @ "
             "tracker_from_needle, and mind which way each transform goes",
         )
     elif share < POOR_SHARE:
-        yield _wrong_frame(
-            f"only {100 * share:.0f} % of the rows agree, hardly more than rows in no common frame would",
-            "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the "
-            "same instant",
+        yield wrong_frame(
+            f"only {100 * share:.0f} % of the rows agree, hardly more than rows in no common frame would"
         )
 
 
 def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
-    found = _quick_fit(table, threshold_mm)
+    found = quick_fit(table, threshold_mm)
     if found is None:
         return 0.0
     # An image shrunk to nothing agrees with all lines that pass near one point.
@@ -242,7 +256,7 @@ def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
     return 0.0 if lengths < 2.0 * threshold_mm else float(found.inlier.mean())
 
 
-def _quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
+def quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
     """The fit of rows that may make no sense, from fewer samples; None where there is none."""
     try:
         return best_fit(table, Options(threshold_mm=threshold_mm, max_samples=FEW_SAMPLES))[0]
@@ -250,5 +264,6 @@ def _quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
         return None
 
 
-def _wrong_frame(message: str, advice: str) -> Diagnostic:
+def wrong_frame(message: str, advice: str = WHICH_FRAME) -> Diagnostic:
+    """The finding that lines are not in the frame that they are said to be in."""
     return Diagnostic(code="wrong-tool-frame", severity="warning", message=message, advice=advice)

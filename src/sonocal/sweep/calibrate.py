@@ -37,6 +37,7 @@ from sonocal.sweep.options import (
     telling_threshold_mm,
 )
 from sonocal.sweep.second_look import SecondLook
+from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
 from sonocal.targets import Line, require_lines
 
@@ -141,9 +142,13 @@ class Sweep:
         look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
         most_mm = telling_threshold_mm(self.lines)
         total, across = images * len(self.lines), self._across()
-        found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
-        recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
-        return replace(found, calibration=recorded)
+        suspects = _suspects(self.recording, self.lines, detections, self.options)
+        with suspects.explaining():
+            found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
+        judged = suspects.judging(found.calibration, found.used, found.sightings)
+        return replace(
+            found, calibration=_as_recorded(judged, self.recording, self.lines, self.options.probe)
+        )
 
     def _across(self) -> Array | None:
         """(N, 2, 3): of the only needle, two axes across it that turn with it, in the probe marker's frame."""
@@ -195,9 +200,22 @@ def calibrate_points(
             "name one"
         )
     sightings = tabulate(recording, lines, detections, asked.posing)
-    found = calibrate(sightings.observations, **of_calibrate(asked))
-    found = found.with_findings(sightings.diagnostics)
+    suspects = _suspects(recording, lines, detections, asked)
+    with suspects.explaining():
+        found = calibrate(sightings.observations, **of_calibrate(asked))
+    found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
+        sightings.diagnostics
+    )
     return _as_recorded(found, recording, lines, asked.probe), sightings.observations
+
+
+def _suspects(
+    recording: Recording, lines: Sequence[Line], detections: Detections, options: PointsOptions
+) -> Suspects:
+    """What may be wrong, looked at within the threshold asked for, or what tells the lines apart."""
+    threshold = options.threshold_mm
+    within_mm = telling_threshold_mm(lines) if threshold == "auto" else float(threshold)
+    return Suspects(recording, tuple(lines), detections, options.posing, options, within_mm)
 
 
 def _as_recorded(

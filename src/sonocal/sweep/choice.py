@@ -26,6 +26,7 @@ from sonocal.errors import (
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
+from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.sweep.candidates import Candidates, Mask
 from sonocal.sweep.options import of_calibrate, refuse_splits
 from sonocal.sweep.twin import Twin, find_twin, twin_findings
@@ -35,8 +36,12 @@ __all__ = ["CandidateCalibration", "LookAgain", "calibrate_candidates", "calibra
 ROUNDS = 10
 RANKS = (1, 2, 3, 5, 1000)
 ENOUGH = 0.5
-"""Share of the images that agree, from which no further ranks are tried."""
+"""Share of the images that agree, from which no further ranks are tried than the next."""
+SURE = 0.9
+"""Share from which not even the next is: an echo of the needle brighter than itself is in half of the images."""
 CHANCE_FACTOR = 3.0
+CLUTTER_FRAMES = 3
+"""Neighbouring images that show the same clutter: so many count once where chance is weighed."""
 LEAST_SIGHTINGS = 10
 LEAST_SHARE_OF_FEW = 0.8
 """Where there are few images."""
@@ -143,29 +148,78 @@ def calibrate_chosen(
 
 
 def _first_consensus(table: Candidates, total: int) -> AxisScaled:
-    """The transform that most sightings agree with, tried on ever lower ranks."""
-    best: tuple[int, AxisScaled] | None = None
+    """The transform that the most sightings beyond chance agree with, tried on ever lower ranks."""
+    best: _Agreeing | None = None
     refusal: SonocalError | None = None
     for most in RANKS:
         keep = table.rank < most
         try:
-            found = table.fit(keep).transform
+            found = _Agreeing.of(table, table.fit(keep).transform)
         except (NoConsensusError, DegenerateGeometryError, InputError) as error:
             refusal = refusal or error
             continue
-        count = table.agreeing(table.nearest(found))
-        if best is None or count > best[0]:
-            best = count, found
-        if count >= ENOUGH * total or keep.all():
+        before, best = best, found if best is None or found.beyond_chance > best.beyond_chance else best
+        settled = before is not None and before.is_enough(total)
+        if (best.is_enough(total) and (settled or best.count >= SURE * total)) or keep.all():
             break
     named = isinstance(refusal, MirroredVolumeError) or not isinstance(refusal, NoConsensusError)
     if best is None and refusal is not None and named:
         raise refusal
     if best is None:
         raise _nothing_found(table, total, 0)
-    if best[0] < max(_least_agreeing(table, total), CHANCE_FACTOR * table.by_chance(best[1])):
-        raise _nothing_found(table, total, best[0])
-    return best[1]
+    if best.count < _least_agreeing(table, total) or best.may_be_chance(table):
+        raise _nothing_found(table, total, best.count)
+    return best.transform
+
+
+@dataclass(frozen=True, eq=False)
+class _Agreeing:
+    """A transform, how many sightings agree with it, and how many would by chance."""
+
+    transform: AxisScaled
+    count: int
+    by_chance: float
+
+    @classmethod
+    def of(cls, table: Candidates, transform: AxisScaled) -> _Agreeing:
+        return cls(transform, table.agreeing(table.nearest(transform)), table.by_chance(transform))
+
+    @property
+    def beyond_chance(self) -> float:
+        return self.count - self.by_chance
+
+    @property
+    def is_far_more(self) -> bool:
+        """Whether no count is needed to see that this is no chance."""
+        return self.count >= CHANCE_FACTOR * self.by_chance
+
+    def is_enough(self, total: int) -> bool:
+        """Whether hardly another rank is better."""
+        return self.count >= ENOUGH * total and self.is_far_more
+
+    def may_be_chance(self, table: Candidates) -> bool:
+        """Whether as many would agree with some transform had candidates and needles nothing to do with each other.
+
+        With many candidates in a small image chance alone brings a third of the sightings together, and three
+        times that is more than there are. Then the number of false alarms tells: the binomial tail over all models
+        that minimal samples could have given.
+
+        Source: a-contrario model estimation (Moisan and Stival 2004).
+        """
+        from scipy.special import bdtrc, gammaln
+
+        if self.is_far_more:
+            return False
+        sightings, agreeing = table.count // CLUTTER_FRAMES, self.count // CLUTTER_FRAMES
+        if agreeing <= MINIMAL_ROWS:
+            return True
+        combinations = (
+            gammaln(sightings + 1) - gammaln(sightings - MINIMAL_ROWS + 1) - gammaln(MINIMAL_ROWS + 1)
+        )
+        samples = combinations + MINIMAL_ROWS * np.log(len(table) / table.count)
+        chance = min(self.by_chance / table.count, 1.0)
+        tail = bdtrc(agreeing - MINIMAL_ROWS - 1, sightings - MINIMAL_ROWS, chance)
+        return bool(tail > 0 and samples + np.log(tail) > 0)
 
 
 def _settled(table: Candidates, transform: AxisScaled, fitted: Mask | None = None) -> tuple[AxisScaled, Mask]:

@@ -17,6 +17,8 @@ SPOILING = {
     "no-redundancy",
     "not-converged",
     "flipped-image",
+    "latency-beyond-tolerance",
+    "wrong-poses",
     "marker-slipped",
     "wrong-tool-frame",
     "wrong-end-of-needle",
