@@ -15,9 +15,9 @@ from sonocal.sweep.candidates import Candidates, Mask
 
 __all__ = ["Twin", "find_twin", "twin_findings"]
 
-SAME_MM = 1.0
+SAME_MM = {2: 1.0, 3: 0.7}
 """Two bright spots of one image are placed to this against one another: no tracker comes between them."""
-LEAST_MM = {2: 2.0, 3: 1.2}
+LEAST_MM = {2: 2.0, 3: 0.8}
 """Nearer than this it is the needle's own echo; lines of volumes are placed by more than a spot is."""
 FARTHEST_MM = 40.0
 LEAST_SHARE = 0.15
@@ -79,7 +79,7 @@ def find_twin(
     found = [
         twin
         for displaced, by_shift in _models(table, pairs, transform, across)
-        for twin in _both_ways(pairs, displaced, by_shift, images, LEAST_MM[table.rows.dimension])
+        for twin in _both_ways(pairs, displaced, by_shift, images, table.rows.dimension)
     ]
     return min(found, key=lambda one: (not one.is_above, -one.seen), default=None)
 
@@ -135,20 +135,20 @@ def _models(
 
 
 def _both_ways(
-    pairs: _Pairs, displaced: Array, by_shift: Array, images: int, least_mm: float
+    pairs: _Pairs, displaced: Array, by_shift: Array, images: int, dimension: int
 ) -> Iterator[Twin]:
     """The shift of most images and, where the two were chosen by turns, its opposite."""
     rest = np.ones(len(displaced), dtype=bool)
     for _ in range(2):
         found = common_shift(
-            displaced[rest], by_shift[rest], pairs.sighting[rest], within_mm=SAME_MM, among=images
+            displaced[rest], by_shift[rest], pairs.sighting[rest], within_mm=SAME_MM[dimension], among=images
         )
         if found is None:
             return
         explained = np.flatnonzero(rest)[found.explained]
         offsets = pairs.offset_mm[explained]
         away_mm = float(np.sqrt(np.mean(np.sum(offsets**2, axis=1))))
-        if found.groups >= LEAST_SHARE * images and away_mm >= least_mm:
+        if found.groups >= LEAST_SHARE * images and away_mm >= LEAST_MM[dimension]:
             yield Twin(np.median(offsets, axis=0), found.groups, images)
         rest[explained] = False
         if not rest.any():
