@@ -6,6 +6,7 @@
 - wrong-tool-frame: lines are not in the probe marker's frame. The probe's poses tell which they are in.
 - wrong-end-of-needle: the needle was seen beyond its segment. Needs segments that end where the needle does.
 - latency: image and tracker are not of the same instant. Needs frames in the order of time.
+- latency-beyond-tolerance: with that lag undone the answer is another one.
 - anisotropic-scale: mm/px differs along u and v. `calibrate` finds it.
 """
 
