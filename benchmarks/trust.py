@@ -8,23 +8,27 @@ from __future__ import annotations
 import argparse
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.simulators.trust_faults import KINDS
-from benchmarks.simulators.trust_judge import Outcome, judged
+from benchmarks.simulators.trust_judge import HONEST, Outcome, judged
 from benchmarks.simulators.trust_sound import COVERAGE, SOUND
 
 Row = tuple[str, str, str]
 """The table it stands in, its name, its strength."""
 
+# A latency's value is right within this, and an image corner is lost beyond that.
+LAG_MS, FAR_MM = 5.0, 10.0
+
 HEADS = {
     "faults": "| kind | strength | refused | do not use | care | silent | confidently wrong | error median / max, mm "
     "| bound median, mm | codes |",
-    "sound": "| scans | N | scans tried | refused | do not use | care | share accused | off | error median / max, mm "
+    "sound": "| scans | N | scans tried | refused | bound above 2 mm, only | accused | corners within the bound "
+    "| error median / max, mm "
     "| codes |",
     "coverage": "| scans | scans tried | covered, of all answered | covered, of silent | silent | silent, off > 10 mm "
     "| named or refused | lag within 5 ms, of those named |",
@@ -88,50 +92,64 @@ def fault_line(row: Row, outcomes: Sequence[Outcome]) -> str:
 
 def sound_line(row: Row, outcomes: Sequence[Outcome]) -> str:
     """A line of the table of sound scans."""
-    accused = sum(not one.silent for one in outcomes)
+    accused = [one for one in outcomes if one.accused]
     cells = (
         row[1],
         row[2],
         len(outcomes),
-        *(counted(outcomes, level) for level in ("refused", "stop", "care")),
-        f"{accused / len(outcomes):.1%}",
-        sum(one.off for one in outcomes),
+        counted(outcomes, "refused"),
+        sum(not one.silent and not one.accused for one in outcomes),
+        f"{len(accused) / len(outcomes):.1%}",
+        share([one.covered for one in outcomes]),
         middle_and_most([one.error_mm for one in outcomes]),
-        codes_of(outcomes),
+        accusers(accused),
     )
     return f"| {' | '.join(map(str, cells))} |"
 
 
-def share(hits: Sequence[bool]) -> str:
-    """A share of a number."""
-    return f"{np.mean(hits):.1%} of {len(hits)}" if hits else ""
+def accusers(outcomes: Sequence[Outcome]) -> str:
+    """How often each code that is more than a large bound was given."""
+    codes = Counter(code for one in outcomes for code in set(one.codes) - HONEST)
+    return ", ".join(f"{code} {count}" for code, count in codes.most_common())
 
 
-def coverage_line(row: Row, outcomes: Sequence[Outcome]) -> str:
+def share(hits: Sequence[bool] | Sequence[float]) -> str:
+    """The mean of those that are numbers, in per cent, and how many they are."""
+    known = [hit for hit in hits if np.isfinite(hit)]
+    return f"{np.mean(known):.1%} of {len(known)}" if known else ""
+
+
+def coverage_line(row: Row, outcomes: Sequence[Outcome], seeds: range) -> str:
     """A line of the table of coverage."""
-    answered = [one for one in outcomes if np.isfinite(one.error_mm)]
     lag = COVERAGE[row[1]].lag_s
-    named = [one for one in outcomes if np.isfinite(one.lag_ms)]
-    # A latency of less than nothing is named by its size.
-    near = [abs(abs(one.lag_ms) - 1e3 * abs(lag(seed))) <= 5 for seed, one in enumerate(named)] if lag else []
+    # The sentences name a latency by its size and say in words which is late.
+    near = (
+        [
+            abs(abs(one.lag_ms) - 1e3 * abs(lag(seed))) <= LAG_MS
+            for one, seed in zip(outcomes, seeds, strict=True)
+            if np.isfinite(one.lag_ms)
+        ]
+        if lag
+        else []
+    )
     cells = (
         row[1],
         len(outcomes),
-        share([not one.off for one in answered]),
-        share([not one.off for one in answered if one.silent]),
+        share([one.covered for one in outcomes]),
+        share([one.covered for one in outcomes if one.silent]),
         sum(one.silent for one in outcomes),
-        sum(one.silent and one.error_mm > 10 for one in outcomes),
+        sum(one.silent and one.error_mm > FAR_MM for one in outcomes),
         share([one.level == "refused" or "latency" in one.codes for one in outcomes]) if lag else "",
         share(near),
     )
     return f"| {' | '.join(map(str, cells))} |"
 
 
-LINES: dict[str, Callable[[Row, Sequence[Outcome]], str]] = {
-    "faults": fault_line,
-    "sound": sound_line,
-    "coverage": coverage_line,
-}
+def line_of(row: Row, outcomes: Sequence[Outcome], seeds: range) -> str:
+    """A row's line in its table."""
+    if row[0] == "coverage":
+        return coverage_line(row, outcomes, seeds)
+    return fault_line(row, outcomes) if row[0] == "faults" else sound_line(row, outcomes)
 
 
 def measured(rows: Sequence[Row], seeds: range, jobs: int) -> Iterator[tuple[Row, list[Outcome]]]:
@@ -146,24 +164,18 @@ def measured(rows: Sequence[Row], seeds: range, jobs: int) -> Iterator[tuple[Row
 
 def tables(rows: Sequence[Row], seeds: range, jobs: int) -> Iterator[tuple[str, str]]:
     """Lines of the tables, each with the table it belongs to."""
-    before, totals = "", Counter[str]()
-    accused: Counter[str] = Counter()
+    before, sound = "", list[Outcome]()
     for row, outcomes in measured(rows, seeds, jobs):
         if row[0] != before:
             before = row[0]
             yield before, "\n" + HEADS[before]
             yield before, "|---" * (HEADS[before].count("|") - 1) + "|"
-        yield before, LINES[before](row, outcomes)
-        totals[before] += len(outcomes)
-        if before == "sound":
-            accused.update(one.codes[0] for one in outcomes if not one.silent and one.codes)
-    if totals["sound"]:
-        whole = sum(accused.values())
-        by_code = ", ".join(f"{code} {count}" for code, count in accused.most_common())
-        yield (
-            "sound",
-            f"\nAccused in all: {whole} of {totals['sound']} ({whole / totals['sound']:.1%}): {by_code}.",
-        )
+        yield before, line_of(row, outcomes, seeds)
+        sound += outcomes if before == "sound" else []
+    if sound:
+        accused = [one for one in sound if one.accused]
+        share_of = f"{len(accused)} of {len(sound)} ({len(accused) / len(sound):.1%})"
+        yield "sound", f"\nAccused in all: {share_of}: {accusers(accused) or 'none'}."
 
 
 def written(page: Path, lines: Sequence[tuple[str, str]]) -> None:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import sonocal as sc
 from benchmarks.simulators.trust_faults import Case
-from benchmarks.simulators.trust_scans import Array, Scan, carried, mapped
+from benchmarks.simulators.trust_scans import Array, Scan, mapped
 from sonocal.calibration import Calibration
 from sonocal.detection import Detections
 from sonocal.recording import ArrayFrames, ImageGeometry, Poses, Recording
@@ -18,6 +18,8 @@ from sonocal.targets import Line
 from sonocal.validation.verdict import give_verdict
 
 CONFIDENTLY = 3.0
+# These say that the predicted error is larger than what is accepted, 2 mm: true of a sound scan of few rows.
+HONEST = {"weak-motion", "predicted-error-beyond-tolerance"}
 NEEDLE = Line("needle", "Needle", np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -250.0]]))
 
 
@@ -28,8 +30,9 @@ class Outcome:
     Attributes:
         level: "refused", "stop", "care" or "use".
         codes: of the refusal or of the verdict's reasons, worst first; an exception's name where it has none.
-        error_mm, bound_mm: at the corner of the image where they differ most, as a ratio; NaN where refused.
+        error_mm, bound_mm: at the corner of the image where the error is the most times the bound; NaN where refused.
         lag_ms: the latency named, or NaN.
+        covered: the share of the corners whose error is within the bound there, or NaN.
     """
 
     level: str
@@ -37,6 +40,12 @@ class Outcome:
     error_mm: float = np.nan
     bound_mm: float = np.nan
     lag_ms: float = np.nan
+    covered: float = np.nan
+
+    @property
+    def accused(self) -> bool:
+        """Something else was said against it than how large the error may be."""
+        return self.level == "refused" or bool(set(self.codes) - HONEST)
 
     @property
     def silent(self) -> bool:
@@ -130,10 +139,11 @@ def judged(case: Case) -> Outcome:
         code = getattr(refusal, "code", None) or type(refusal).__name__
         return Outcome("refused", (str(code),), lag_ms=lag_named(code, str(refusal)))
     lags = [lag_named(finding.code, finding.message) for finding in found.warnings]
-    error, bound = worst_corner(found, case.scan)
-    return Outcome(
-        verdict.level, verdict.codes, error, bound, next((x for x in lags if np.isfinite(x)), np.nan)
-    )
+    errors, bounds = at_corners(found, case.scan)
+    worst = int(np.argmax(errors / bounds)) if np.isfinite(bounds).all() else int(np.argmax(errors))
+    lag = next((x for x in lags if np.isfinite(x)), np.nan)
+    covered = float(np.mean(errors <= bounds))
+    return Outcome(verdict.level, verdict.codes, float(errors[worst]), float(bounds[worst]), lag, covered)
 
 
 def lag_named(code: str | None, sentence: str) -> float:
@@ -142,17 +152,16 @@ def lag_named(code: str | None, sentence: str) -> float:
     return float(told[1]) if told and (code == "latency" or "laten" in sentence) else np.nan
 
 
-def worst_corner(found: Calibration, scan: Scan) -> tuple[float, float]:
-    """Error and bound, mm, at the corner where the error is the most times the bound."""
+def at_corners(found: Calibration, scan: Scan) -> tuple[Array, Array]:
+    """Error and predicted 95 % bound (M,), mm, at the corners of the image."""
     corners = scan.corners_px
     errors = np.linalg.norm(found.probe_from_image @ corners - mapped(scan.truth, corners), axis=1)
     if found.covariance is None:
-        return float(errors.max()), np.inf
+        return errors, np.full(len(corners), np.inf)
     area = np.stack([corners.min(axis=0), corners.max(axis=0)])
     places, _, bounds = dataclasses.replace(found, area_px=area).predicted_errors()
     order = [int(np.argmin(np.linalg.norm(places - corner, axis=1))) for corner in corners]
-    worst = int(np.argmax(errors / bounds[order]))
-    return float(errors[worst]), float(bounds[order][worst])
+    return errors, bounds[order]
 
 
-__all__ = ["Outcome", "carried", "judged", "recording", "table"]
+__all__ = ["HONEST", "Outcome", "judged", "recording", "table"]
