@@ -24,6 +24,8 @@ Row = tuple[str, str, str]
 # A latency's value is right within this, and an image corner is lost beyond that.
 LAG_MS, FAR_MM = 5.0, 10.0
 
+SIGHTINGS = (10, 20, 50, 100, 400)
+
 HEADS = {
     "faults": "| kind | strength | refused | do not use | care | silent | confidently wrong | error median / max, mm "
     "| bound median, mm | codes |",
@@ -51,7 +53,7 @@ def all_rows() -> Iterator[Row]:
         for strength in kind.strengths:
             yield "faults", name, repr(strength)
     for name in SOUND:
-        for count in (10, 20, 50, 100, 400):
+        for count in SIGHTINGS:
             yield "sound", name, str(count)
     for name in COVERAGE:
         yield "coverage", name, ""
