@@ -12,7 +12,7 @@ from benchmarks.simulators.trust_judge import Outcome, judged, recording, table
 from benchmarks.simulators.trust_sound import COVERAGE, SOUND
 
 SCANS = {
-    "2D": lambda seed: trust_scans.clean(seed),
+    "2D": trust_scans.clean,
     "3D": lambda seed: trust_scans.clean(seed, 30, 3),
     "stills": lambda seed: trust_scans.clean(seed, still=True),
     "port": lambda seed: trust_scans.through_port(seed, 50, 3.0, 60.0),
