@@ -132,13 +132,14 @@ def calibrated(case: Case) -> Calibration:
 
 def judged(case: Case) -> Outcome:
     """What the program says of the case, beside the truth."""
+    frame_ms = 1e3 * float(np.median(np.diff(case.scan.time_s)))
     try:
         found = calibrated(case)
         verdict = give_verdict(found)
     except sc.SonocalError as refusal:
         code = getattr(refusal, "code", None) or type(refusal).__name__
-        return Outcome("refused", (str(code),), lag_ms=lag_named(code, str(refusal)))
-    lags = [lag_named(finding.code, finding.message) for finding in found.warnings]
+        return Outcome("refused", (str(code),), lag_ms=lag_named(code, str(refusal), frame_ms))
+    lags = [lag_named(finding.code, finding.message, frame_ms) for finding in found.warnings]
     errors, bounds = at_corners(found, case.scan)
     worst = int(np.argmax(errors / bounds)) if np.isfinite(bounds).all() else int(np.argmax(errors))
     lag = next((x for x in lags if np.isfinite(x)), np.nan)
@@ -146,10 +147,12 @@ def judged(case: Case) -> Outcome:
     return Outcome(verdict.level, verdict.codes, float(errors[worst]), float(bounds[worst]), lag, covered)
 
 
-def lag_named(code: str | None, sentence: str) -> float:
+def lag_named(code: str | None, sentence: str, frame_ms: float) -> float:
     """The latency, ms, that a sentence about it names first; NaN where it is about something else."""
-    told = re.search(r"(-?\d+(?:\.\d+)?) ms", sentence)
-    return float(told[1]) if told and (code == "latency" or "laten" in sentence) else np.nan
+    told = re.search(r"(-?\d+(?:\.\d+)?) (ms|frames)", sentence)
+    if told is None or not (code == "latency" or "laten" in sentence):
+        return np.nan
+    return float(told[1]) * (frame_ms if told[2] == "frames" else 1.0)
 
 
 def at_corners(found: Calibration, scan: Scan) -> tuple[Array, Array]:
