@@ -20,7 +20,7 @@ from sonocal.registration.degeneracy import (
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options, Weighting
 from sonocal.registration.robust import fit_point_lines
-from sonocal.registration.rows import PointLineRows
+from sonocal.registration.rows import PointLineRows, to_core
 
 __all__ = ["PARAMETERS", "Registration", "register"]
 
@@ -130,6 +130,7 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
             f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
             best_count=found.inliers,
         )
+    _refuse_chance(constraints, similarity, found.residuals_mm, threshold_mm)
     return Registration(
         target_from_source=similarity,
         covariance=_covariance(constraints.points[chosen], constraints.planes[chosen], similarity),
@@ -138,6 +139,25 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
         threshold_mm=threshold_mm,
         samples=found.samples,
         converged=found.converged,
+    )
+
+
+def _refuse_chance(
+    constraints: Rows, similarity: Similarity, residuals_mm: Array, threshold_mm: float
+) -> None:
+    """Raise if as many correspondences would agree had sources and targets nothing to do with each other.
+
+    Where all agree and none is to spare, any would: there is nothing to test.
+    """
+    found = _core.agreement(constraints.core, to_core(similarity), residuals_mm, threshold_mm)
+    count = len(residuals_mm)
+    if found.log_alarms <= 0 or (not found.redundant and found.agreeing == count):
+        return
+    raise NoConsensusError(
+        f"the best similarity brings {found.agreeing} of {count} correspondences within {threshold_mm:.3g} mm of "
+        f"their targets, no more than chance would (up to {found.by_chance} of {count}); check that they are "
+        "matched and in the units meant, or give a threshold_mm nearer to the noise",
+        best_count=found.agreeing,
     )
 
 
