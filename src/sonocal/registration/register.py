@@ -107,7 +107,7 @@ def register(
     )
     _refuse_few(constraints)
     if constraints.lines is not None and refine:
-        return _register_lines(constraints.lines, options)
+        return _register_lines(constraints, constraints.lines, options)
     return _register_mix(constraints, options, refine=refine)
 
 
@@ -161,7 +161,7 @@ def _refuse_chance(
     )
 
 
-def _register_lines(lines: PointLineRows, options: Options) -> Registration:
+def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:
     try:
         fit = fit_point_lines(lines, options)
     except NoConsensusError:
@@ -175,6 +175,7 @@ def _register_lines(lines: PointLineRows, options: Options) -> Registration:
         residuals = np.sqrt(0.5 * (residuals[::2] ** 2 + residuals[1::2] ** 2))
         inlier = inlier[::2] & inlier[1::2]
     assert isinstance(fit.transform, Similarity)
+    _refuse_chance(constraints, fit.transform, residuals, fit.threshold_mm)
     return Registration(
         target_from_source=fit.transform,
         covariance=_line_covariance(fit),
