@@ -167,7 +167,7 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
     except NoConsensusError:
         refuse_degenerate_lines(lines)
         raise
-    if fit.least_information < SUSPICIOUS_INFORMATION:
+    if fit.inlier.any() and fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(lines, fit.inlier)
         refuse_free_motion(fit.least_information)
     residuals, inlier = fit.residuals_mm, fit.inlier
