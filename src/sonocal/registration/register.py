@@ -124,6 +124,12 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
     if not found.found:
         _refuse_free(constraints)
         raise NoConsensusError("no minimal sample of the correspondences has a similarity", best_count=0)
+    if not (found.scales[0] > 0 and np.isfinite(found.translation).all()):
+        raise NoConsensusError(
+            "no similarity brings the correspondences together: the best one shrinks the source to a point; "
+            "check that they are matched and in the units meant",
+            best_count=found.inliers,
+        )
     similarity = Similarity(found.rotation, found.translation, found.scales[0])
     inlier = found.residuals_mm <= threshold_mm
     chosen = np.repeat(inlier, np.diff(constraints.first))
