@@ -47,11 +47,11 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
     )
     from sonocal.files import write_into_folder
     from sonocal.observations.table_file import as_file
-    from sonocal.simulation.scene import IMAGE_PX, simulate_observations
+    from sonocal.simulation.scene import simulate_observations
 
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
     table, rows = as_file(simulated.observations, "observations.csv")
-    calibration = sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension))
+    calibration = sonocal.calibrate(rows)
     files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
     files |= report_files(calibration, rows) if report else {}
     write_into_folder(output, files)

@@ -119,11 +119,12 @@ def _numbers(
     nwires: tuple[tuple[str, str, str], ...],
     seed: int,
 ) -> tuple[Validation, Observations | None]:
+    from sonocal.files.kinds import Head
     from sonocal.observations import parse_observations
     from sonocal.validation import parse_point_sightings, validate, validate_points
 
-    header = content.split(b"\n", 1)[0]
-    if crosswire or (b"x0_mm" not in header and b"u_px" in header):
+    header = Head(Path(name), content).columns
+    if crosswire or ("x0_mm" not in header and "u_px" in header):
         points: PointSightings = parse_point_sightings(content, name)
         return validate_points(calibration, points), None
     rows = parse_observations(content, name)
