@@ -41,7 +41,7 @@ ROOMS: dict[str, set[str]] = {
     "recording": {"targets"},
     "observations": {"targets"},
     "targets": set(),
-    "geometry": {"errors"},
+    "geometry": {"errors", "findings"},
     "files": {"errors"},
     "findings": set(),
     "errors": set(),

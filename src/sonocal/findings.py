@@ -27,6 +27,7 @@ CODES = {
     "not-converged": "the refinement did not come to rest",
     "held-out-rows-off": "held-out rows are further off than the fit explains",
     # setup_checks
+    "implausible-units": "lengths are not in mm, or places not in px",
     "latency": "image and tracker are not of the same instant",
     "marker-slipped": "the marker moved on the probe during the scan",
     "flipped-image": "the image is mirrored or turned",

@@ -19,6 +19,7 @@ SPOILING = {
     "marker-slipped",
     "wrong-tool-frame",
     "wrong-end-of-needle",
+    "implausible-units",
 }
 # Beyond this many times what the user accepts, care does not help.
 HOPELESS = 3.0
