@@ -16,6 +16,7 @@ PAGE = "docs/findings.md"
 CODES = {
     # calibration
     "weak-motion": "the predicted error exceeds what is accepted",
+    "narrow-area": "the area seen is a band",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along u and v",

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Unpack
 
+from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
 from sonocal.calibration.fit import fit_rows
@@ -116,6 +117,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     accepted = (area, used.tolerance_mm, found.area_name)
     looks = (
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
+        partial(area_findings, found),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
     )

@@ -12,7 +12,15 @@ from sonocal.registration.options import Model
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["area_seen", "check_rows", "image_area", "known_image_size", "line_distances", "point_line_rows", "split_rows"]
+__all__ = [
+    "area_seen",
+    "check_rows",
+    "image_area",
+    "known_image_size",
+    "line_distances",
+    "point_line_rows",
+    "split_rows",
+]
 
 
 def split_rows(

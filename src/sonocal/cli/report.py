@@ -45,12 +45,15 @@ def report_files(
 
 
 def json_with_verdict(calibration: Calibration, content: bytes) -> bytes:
-    """A calibration's file, with the verdict beside its fields, for programs."""
+    """A calibration's file, with the verdict and what no scan shows beside its fields, for programs."""
     import msgspec
 
-    from sonocal.validation import give_verdict
+    from sonocal.validation import cannot_show, give_verdict
 
-    record = msgspec.json.decode(content) | {"verdict": give_verdict(calibration)}
+    record = msgspec.json.decode(content) | {
+        "verdict": give_verdict(calibration),
+        "cannot_show": cannot_show(calibration),
+    }
     return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
 
 

@@ -14,6 +14,7 @@ from sonocal.cli.options import (
     console,
     seed,
 )
+from sonocal.cli.told import ACCEPT_UNITS, refuse_units
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -83,9 +84,12 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 @click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
 @INVALID
+@ACCEPT_UNITS
 @seed("the random triples of poses")
 @JSON
-def tool(recording: Path | None, *, output: Path | None, as_json: bool, **options: Any) -> None:
+def tool(
+    recording: Path | None, *, output: Path | None, accept_units: bool, as_json: bool, **options: Any
+) -> None:
     """Calibrate a tracked tool: where its tip and its shaft are in its marker's frame.
 
     \b
@@ -115,6 +119,8 @@ def tool(recording: Path | None, *, output: Path | None, as_json: bool, **option
     options |= _parts(recording, options)
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
     found = calibrate_tool(options.pop("tool_name"), **options)
+    source = next(part.name for name in ("first", "spin") if (part := options[name]) is not None)
+    refuse_units(source, found.diagnostics, accepted=accept_units)
     if output is not None:
         write_atomically(output, tool_toml(found, str(output)))
     if as_json:

@@ -15,6 +15,7 @@ from sonocal.cli.options import (
     console,
     seed,
 )
+from sonocal.cli.told import EXPECTED, MARKER_ABOVE, expected_rotation
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
 )
 @click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration.json.")
 @SCANNER
+@MARKER_ABOVE
+@EXPECTED
 @seed("the resampling")
 @NO_REPORT
 @JSON
@@ -69,6 +72,8 @@ def validate(
     output: Path | None,
     compare: Path | None,
     scanner_mm_per_px: float | None,
+    marker_above_image: bool,
+    expected: Path | None,
     report: bool,
     as_json: bool,
     **options: Any,
@@ -93,7 +98,8 @@ def validate(
     content = read_bytes(table)
     known = {
         "scanner_mm_per_px": scanner_mm_per_px,
-        "expected_rotation": None if other is None else other.probe_from_image.rotation,
+        "expected_rotation": expected_rotation(expected or compare),
+        "marker_above_image": marker_above_image,
     }
     numbers, rows = _numbers(found, content, table.name, known=known, **options)
     comparison = None if other is None else _compared(found, other)
@@ -148,7 +154,7 @@ def _print(calibration: Calibration, numbers: Validation, comparison: Comparison
 def _json(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> str:
     import msgspec
 
-    from sonocal.validation import give_verdict
+    from sonocal.validation import cannot_show, give_verdict
 
     record: dict[str, Any] = {
         "verdict": give_verdict(calibration, numbers),
@@ -156,6 +162,7 @@ def _json(calibration: Calibration, numbers: Validation, comparison: Comparison 
         "sha256": numbers.sha256,
         "quantities": numbers.quantities,
         "diagnostics": numbers.diagnostics,
+        "cannot_show": cannot_show(calibration),
     }
     if comparison is not None:
         record["comparison"] = {

@@ -10,7 +10,16 @@ import numpy as np
 from sonocal.findings import Diagnostic
 from sonocal.geometry.transforms import Array
 
-__all__ = ["UNITS_CODE", "Hint", "length_hints", "needle_hints", "place_hints", "scale_hints", "small_scan_hints", "unit_doubt"]
+__all__ = [
+    "UNITS_CODE",
+    "Hint",
+    "length_hints",
+    "needle_hints",
+    "place_hints",
+    "scale_hints",
+    "small_scan_hints",
+    "unit_doubt",
+]
 
 UNITS_CODE = "implausible-units"
 # What mm a unit is, in the order of how often people have it.
@@ -79,9 +88,7 @@ def unit_doubt(hints: Sequence[Hint], where: str = "") -> Iterator[Diagnostic]:
     yield Diagnostic(
         code=UNITS_CODE,
         severity="warning",
-        message=where
-        + ("are these pixels" if normalised else "are these " + question)
-        + f"? {what}",
+        message=where + ("are these pixels" if normalised else "are these " + question) + f"? {what}",
         advice=_remedy(units, normalised=normalised)
         + "; if they are what they say, go on with --accept-units",
     )
@@ -135,7 +142,11 @@ def small_scan_hints(image_mm: float, needle_mm: float, marker_mm: float) -> lis
         needle_mm: the usual segment's length.
         marker_mm: of the marker from the middle of the area seen.
     """
-    if not (LEAST_SPAN_MM < needle_mm < SMALL_NEEDLE_MM and image_mm < SMALL_IMAGE_MM and marker_mm < NEAR_MARKER_MM):
+    if not (
+        LEAST_SPAN_MM < needle_mm < SMALL_NEEDLE_MM
+        and image_mm < SMALL_IMAGE_MM
+        and marker_mm < NEAR_MARKER_MM
+    ):
         return []
     said = (
         f"the needle's segments are {needle_mm:.2g} mm long, the area seen {image_mm:.2g} mm, and the marker lies "

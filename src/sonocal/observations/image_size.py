@@ -25,7 +25,9 @@ def checked_size(value: Any, dimension: int, what: str) -> tuple[int, ...]:
         size = tuple(int(number) for number in numbers)
     except (TypeError, ValueError, OverflowError):
         numbers, size = [], ()
-    if len(size) != dimension or any(whole != number or whole < 1 for whole, number in zip(size, numbers, strict=True)):
+    if len(size) != dimension or any(
+        whole != number or whole < 1 for whole, number in zip(size, numbers, strict=True)
+    ):
         raise InputError(
             f"{what} must be {dimension} positive whole numbers for a {dimension}D probe; got {str(value)[:60]}"
         )

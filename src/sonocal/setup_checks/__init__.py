@@ -25,6 +25,6 @@ __all__ = [
     "check_scale",
     "check_setup",
     "check_slip",
-    "check_units",
     "check_tool_frame",
+    "check_units",
 ]

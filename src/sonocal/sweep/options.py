@@ -78,7 +78,9 @@ class PointsOptions(CalibrationOptions):
             InputError: an option does not exist or means nothing.
         """
         own = None if recording.image is None else recording.image.size_px
-        asked = cls.of(**(keywords if keywords.get("image_size_px") is not None else keywords | {"image_size_px": own}))
+        asked = cls.of(
+            **(keywords if keywords.get("image_size_px") is not None else keywords | {"image_size_px": own})
+        )
         if own is not None and asked.image_size_px != own:
             raise InputError(
                 f"{recording.name}: has images of {' x '.join(map(str, own))} px and image_size_px says "
