@@ -49,7 +49,7 @@ ROOMS: dict[str, set[str]] = {
     "recording": {"targets"},
     "observations": {"targets"},
     "targets": set(),
-    "geometry": {"errors"},
+    "geometry": {"errors", "findings"},
     "files": {"errors"},
     "errors": {"findings"},
     "findings": set(),

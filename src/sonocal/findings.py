@@ -26,6 +26,7 @@ PAGE = "docs/findings.md"
 CODES = {
     # calibration
     "weak-motion": "the predicted error exceeds what is accepted",
+    "narrow-area": "the area seen is a band",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along the image's axes",
@@ -38,6 +39,7 @@ CODES = {
     "held-out-rows-off": "held-out rows are further off than the fit explains",
     "held-out-rows-far-off": "held-out rows are off by far more than is accepted",
     # setup_checks
+    "implausible-units": "lengths are not in mm, or places not in px",
     "latency": "image and tracker are not of the same instant",
     "latency-beyond-tolerance": "with the lag undone the answer is another one",
     "marker-slipped": "the marker moved on the probe during the scan",

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Unpack
 
+from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
 from sonocal.calibration.fit import fit_rows
@@ -14,7 +15,7 @@ from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import image_area, split_rows
+from sonocal.calibration.rows import area_seen, image_area, known_image_size, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import require
 from sonocal.findings import Findings
@@ -53,7 +54,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
             What the answer is measured by:
             image_size_px (None): (width, height[, depth]); predicted errors are quoted at this image's corners.
-            Default: the corners of the box that holds the points seen.
+            Default: the table's; where it has none, errors are quoted at the corners of the area seen, which is the
+            box of the rows that agree.
             tolerance_mm (2.0): the predicted error (95 %) at a corner above which the answer comes with a warning.
 
             What is known of the set-up:
@@ -76,12 +78,14 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     asked = Options.of(**options)
     require(observations, Observations, "a table of sightings (see read_observations)")
     rows, held_out = split_rows(observations, asked.fit_split, asked.test_split)
-    area = image_area(rows, asked.image_size_px)
+    size = known_image_size(rows, asked.image_size_px)
 
     # The transform that most rows agree with, refined on those that do.
     with explained(rows, asked):
         table, fit, mirrored = fit_rows(rows, asked)
     mapped, used = MappedRows(fit.transform, table), asked.resolved(fit.threshold_mm)
+    seen = area_seen(rows.points_px[fit.inlier])
+    area = image_area(size, seen)
 
     # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
     groupings = groupings_of(mapped, fit, rows.split)
@@ -96,6 +100,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         covariance=noise.covariance if predicts(noise) else None,
         noise=noise,
         area_px=area,
+        image_size_px=size,
+        seen_px=seen,
         fit=ErrorStatistics.of(fit.residuals_mm[fit.inlier], len(rows), int(fit.inlier.sum())),
         test=held_out_errors(fit.transform, held_out, fit.threshold_mm),
         residuals_mm=fit.residuals_mm,
@@ -107,9 +113,10 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     # What to know before use, looked for when it is first read: of the fit, of rows held out that are a surprise, of
     # the set-up.
-    accepted = (area, used.tolerance_mm)
+    accepted = (area, used.tolerance_mm, found.area_name)
     looks = (
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
+        partial(area_findings, found),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
     )

@@ -48,11 +48,12 @@ FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
 
 def diagnose_weakness(
-    motion: WeakMotion, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None
+    motion: WeakMotion, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None, area: str = "image"
 ) -> Iterator[Diagnostic]:
     """The motion that the data hold least, when the predicted error exceeds what the user accepts."""
     if worst_mm <= tolerance_mm:
         return
+    corner = "an image corner" if area == "image" else f"a corner of the {area}"
     near = near or NearDegeneracy(
         "the sightings hold it too loosely",
         "add sightings, above all near the image's corners and with other tilts",
@@ -61,7 +62,7 @@ def diagnose_weakness(
         code="weak-motion",
         severity="warning",
         message=(
-            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at an image corner, more than the "
+            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at {corner}, more than the "
             f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {near.cause}"
         ),
         advice=near.advice,
@@ -201,7 +202,7 @@ def fit_findings(
     noise: Noise,
     rival: Rival | None,
     groupings: Groupings,
-    accepted: tuple[Array, float],
+    accepted: tuple[Array, float, str],
 ) -> Iterator[Diagnostic]:
     """What the fit says of itself.
 
@@ -211,7 +212,8 @@ def fit_findings(
         noise: of the rows, with the covariance that errors are predicted by.
         rival: a second answer, or None.
         groupings: what rows may share an error by.
-        accepted: the image's area (2, d) and the predicted error (95 %) that is accepted at its corners, mm.
+        accepted: the area (2, d), the predicted error (95 %) that is accepted at its corners, mm, and what messages
+            call the area.
     """
     yield from diagnose_fit(fit)
     yield from diagnose_rival(rival)
@@ -228,7 +230,7 @@ def predicts(noise: Noise) -> bool:
 
 
 def weakness_findings(
-    table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
+    table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float, area_name: str = "image"
 ) -> Iterator[Diagnostic]:
     """The predicted error at the corners against what is accepted."""
     if not predicts(noise):
@@ -240,4 +242,4 @@ def weakness_findings(
         return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
     near = near_degeneracy(table, fit.inlier)
-    yield from diagnose_weakness(motion, worst, tolerance_mm, near)
+    yield from diagnose_weakness(motion, worst, tolerance_mm, near, area_name)

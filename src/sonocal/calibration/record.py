@@ -47,6 +47,8 @@ class Record(msgspec.Struct, kw_only=True):
     covariance: list[list[float]] | None
     sigma: Sigma
     area_px: list[list[float]]
+    image_size_px: list[int] | None = None
+    seen_px: list[list[float]] | None = None
     fit: ErrorStatistics
     test: ErrorStatistics | None
     residuals_mm: list[float]

@@ -30,6 +30,10 @@ MOST_FREEDOM = 2**31
 __all__ = ["Calibration", "calibration_json", "load_calibration", "parse_calibration"]
 
 
+# So far from the image that where it lies no longer matters, and only how it is turned and scaled does.
+FAR_PX = 1e6
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The map from the image's pixels to the probe marker's frame, and how far to trust it.
@@ -42,6 +46,8 @@ class Calibration:
         noise: the standard deviations behind it, mm.
         area_px: (2, 2) or (2, 3): the least and the greatest corner of the image area that predicted
             errors are quoted for.
+        image_size_px: of the images, where it is known: then `area_px` is the image, else the area seen.
+        seen_px: (2, d): the box of the fitted rows that agree; None where the file is of a sonocal that kept none.
         fit, test: errors of the fitted and of the held-out rows.
         residuals_mm, inlier: (N,), of the fitted rows in the order given.
         diagnostics: what to know before use, warnings first; of a fresh one, looked for when they are first read.
@@ -61,6 +67,8 @@ class Calibration:
     inlier: NDArray[np.bool_]
     diagnostics: Sequence[Diagnostic]
     latency_s: float | None = None
+    image_size_px: tuple[int, ...] | None = None
+    seen_px: Array | None = None
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -73,6 +81,16 @@ class Calibration:
     def dimension(self) -> int:
         """2 for a 2D probe, 3 for a 3D probe."""
         return int(self.area_px.shape[1])
+
+    @property
+    def area_is_image(self) -> bool:
+        """Whether `area_px` is the image; else it is the area seen, and nothing is said of the image beyond it."""
+        return self.image_size_px is not None
+
+    @property
+    def area_name(self) -> str:
+        """What `area_px` is, for messages."""
+        return "image" if self.area_is_image else "area seen"
 
     @property
     def threshold_mm(self) -> float:
@@ -143,6 +161,20 @@ class Calibration:
             radius_95(covariances, self.noise.freedom),
         )
 
+    def error_growth_mm_per_px(self) -> float:
+        """The most that the predicted error (95 %) grows by a px outside of the area, whichever way one goes.
+
+        Errors far from the area grow in proportion to the way, and nowhere faster: the error is a convex function.
+
+        Raises:
+            UnsupportedError: the calibration has no covariance.
+        """
+        low, high = self.area_px
+        corners = area_places(np.array([-np.ones(self.dimension), np.ones(self.dimension)]))[:-1]
+        ways = np.vstack([np.eye(self.dimension), corners / np.sqrt(self.dimension)])
+        covariances = self.predict((low + high) / 2 + FAR_PX * ways)[1]
+        return float(radius_95(covariances, self.noise.freedom).max()) / FAR_PX
+
     def save(self, path: str | Path) -> None:
         """Write the calibration as JSON, whole or not at all.
 
@@ -174,6 +206,8 @@ def calibration_json(calibration: Calibration) -> bytes:
             freedom=calibration.noise.freedom,
         ),
         area_px=calibration.area_px.tolist(),
+        image_size_px=None if calibration.image_size_px is None else list(calibration.image_size_px),
+        seen_px=None if calibration.seen_px is None else calibration.seen_px.tolist(),
         fit=calibration.fit,
         test=calibration.test,
         residuals_mm=calibration.residuals_mm.tolist(),
@@ -236,6 +270,8 @@ def _from_record(record: Record) -> Calibration:
     residuals, inlier = np.array(record.residuals_mm), np.array(record.inlier, dtype=bool)
     if residuals.shape != inlier.shape:
         raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")
+    options = _options(record.provenance.get("options", {}), residuals, inlier)
+    size = options.image_size_px if record.image_size_px is None else tuple(record.image_size_px)
     return Calibration(
         probe_from_image=_transform(matrix, record),
         model=record.model,
@@ -249,13 +285,15 @@ def _from_record(record: Record) -> Calibration:
             shared_mm=record.sigma.shared_mm,
         ),
         area_px=np.array(record.area_px),
+        image_size_px=size,
+        seen_px=None if record.seen_px is None else np.array(record.seen_px),
         fit=record.fit,
         test=record.test,
         residuals_mm=residuals,
         inlier=inlier,
         diagnostics=tuple(record.diagnostics),
         latency_s=record.latency_s,
-        options=_options(record.provenance.get("options", {}), residuals, inlier),
+        options=options,
         provenance=record.provenance,
     )
 

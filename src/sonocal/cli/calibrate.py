@@ -38,7 +38,15 @@ from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.cli.screen.plain import say_json
-from sonocal.errors import InputError
+from sonocal.cli.told import (
+    ACCEPT_UNITS,
+    EXPECTED,
+    MARKER_ABOVE,
+    expected_rotation,
+    refuse_units,
+    unit_doubts,
+)
+from sonocal.errors import InputError, SonocalError
 
 __all__ = ["calibrate"]
 
@@ -92,19 +100,22 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
     type=float,
     default=2.0,
     show_default=True,
-    help="Warn where the predicted error (95 %) at an image corner exceeds this.",
+    help="Warn where the predicted error (95 %) at a corner of the image, or of the area seen, exceeds this.",
 )
 @click.option(
     "--image-size",
     "image_size_px",
     type=Size(),
-    help="Image size, px, for predicted errors at its corners.  [default: the recording's, or the box of the points]",
+    help="Image size, px, for predicted errors at its corners.  [default: the table's or the recording's]",
 )
 @click.option(
     "--max-samples", type=int, default=10_000, show_default=True, help="Random minimal samples at the most."
 )
 @seed("the random samples")
 @SCANNER
+@MARKER_ABOVE
+@EXPECTED
+@ACCEPT_UNITS
 @NO_REPORT
 @OVERWRITE
 @JSON
@@ -113,6 +124,8 @@ def calibrate(
     output: Path,
     *,
     lines: Path | None,
+    expected: Path | None,
+    accept_units: bool,
     report: bool,
     overwrite: bool,
     as_json: bool,
@@ -139,14 +152,16 @@ def calibrate(
     _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
     if source.exists():  # else a reader says so
         reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
-    recorded = {name: options.pop(name) for name in OF_RECORDINGS}
+    recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
+    options["expected_rotation"] = expected_rotation(expected)
     with refusing(as_json=as_json):
         result = (
-            _from_table(source, options)
+            _from_table(source, options, accept_units=accept_units)
             if lines is None
             else from_recording(source, lines, output, recorded, options)
         )
     found = result.calibration
+    refuse_units(source.name, found.diagnostics, accepted=accept_units)
     content = calibration_json(found)
     files = {"calibration.json": content, **result.files}
     if report:
@@ -175,7 +190,7 @@ def _refuse_mixture(*, recording: bool, given: bool) -> None:
         raise click.UsageError(f"{names[0]} is for detection; with --points nothing is detected")
 
 
-def _from_table(source: Path, options: dict[str, Any]) -> Result:
+def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) -> Result:
     import sonocal
     from sonocal.cli.formats import kind_of
 
@@ -192,4 +207,8 @@ def _from_table(source: Path, options: dict[str, Any]) -> Result:
             f"{source.name}: is a file of kind {kind!r}; give a table of sightings (CSV), or a recording with --lines"
         )
     rows = sonocal.read_observations(source)
-    return Result(rows, sonocal.calibrate(rows, **options), {})
+    try:
+        return Result(rows, sonocal.calibrate(rows, **options), {})
+    except SonocalError:
+        refuse_units(source.name, unit_doubts(rows=rows), accepted=accept_units)
+        raise

@@ -54,14 +54,14 @@ def demo(
         print_truth,
     )
     from sonocal.observations.table_file import as_file
-    from sonocal.simulation.scene import IMAGE_PX, simulate_observations
+    from sonocal.simulation.scene import simulate_observations
 
     output = output if overwrite or typed(("output",)) else _fresh(output)
     names = ("observations.csv", "calibration.json", *(("report.html",) if report else ()))
     reserve_results(output, names)
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
     table, rows = as_file(simulated.observations, "observations.csv")
-    calibration = sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension))
+    calibration = sonocal.calibrate(rows)
     files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
     files |= report_files(calibration, rows) if report else {}
     write_results(output, files)

@@ -14,6 +14,7 @@ from sonocal.cli.options import (
 )
 from sonocal.cli.outputs import reserve
 from sonocal.cli.screen.plain import say
+from sonocal.cli.told import refuse_units, unit_doubts
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ def from_recording(
         )
     recording = read_recording(source, recorded["poses"], recorded["latency_s"], recorded["on_invalid"])
     known, fixed = read_lines(lines)
+    refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
+    refuse_units(lines.name, unit_doubts(lines=known), accepted=recorded["accept_units"])
     how = options | {"fixed": fixed} | {name: recorded[name] for name in ("probe", "on_invalid")}
     if recorded["points"] is not None:
         result = _from_points(recording, known, recorded["points"], how)
@@ -138,7 +141,9 @@ def _with_provenance(
 
     files = {**inputs, **{name: recorded[name] for name in FILES if recorded[name] is not None}}
     unused = OF_DETECTION if "points" in files else ()
-    options = {name: value for name, value in recorded.items() if name not in (*FILES, *unused)}
+    options = {
+        name: value for name, value in recorded.items() if name not in (*FILES, *unused, "accept_units")
+    }
     provenance = found.provenance | {
         "input": rows.source,
         "sha256": rows.sha256,

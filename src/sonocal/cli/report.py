@@ -44,13 +44,13 @@ def report_files(
 
 
 def json_with_verdict(calibration: Calibration, content: bytes) -> dict[str, Any]:
-    """A calibration's file, with the verdict beside its fields, for programs."""
+    """A calibration's file, with the verdict and what no scan shows beside its fields, for programs."""
     import msgspec
 
-    from sonocal.validation import give_verdict
+    from sonocal.validation import cannot_show, give_verdict
 
     record: dict[str, Any] = msgspec.json.decode(content)
-    return record | {"verdict": give_verdict(calibration)}
+    return record | {"verdict": give_verdict(calibration), "cannot_show": cannot_show(calibration)}
 
 
 def pictures(result: Result) -> list[FrameImage]:

@@ -16,6 +16,7 @@ from sonocal.cli.options import (
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say, say_json
+from sonocal.cli.told import ACCEPT_UNITS, refuse_units
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,11 +85,18 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 @click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
 @INVALID
+@ACCEPT_UNITS
 @seed("the random triples of poses")
 @OVERWRITE
 @JSON
 def tool(
-    recording: Path | None, *, output: Path | None, overwrite: bool, as_json: bool, **options: Any
+    recording: Path | None,
+    *,
+    output: Path | None,
+    overwrite: bool,
+    accept_units: bool,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Calibrate a tracked tool: where its tip and its shaft are in its marker's frame.
 
@@ -120,6 +128,8 @@ def tool(
     options |= _parts(recording, options)
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
     found = calibrate_tool(options.pop("tool_name"), **options)
+    source = next(part.name for name in ("first", "spin") if (part := options[name]) is not None)
+    refuse_units(source, found.diagnostics, accepted=accept_units)
     if output is not None:
         reserve(output)
         write_atomically(output, tool_toml(found, str(output)))

@@ -18,6 +18,7 @@ from sonocal.cli.options import (
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say, say_json
+from sonocal.cli.told import EXPECTED, MARKER_ABOVE, expected_rotation
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,6 +63,8 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
 )
 @click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration.json.")
 @SCANNER
+@MARKER_ABOVE
+@EXPECTED
 @seed("the resampling")
 @NO_REPORT
 @OVERWRITE
@@ -73,6 +76,8 @@ def validate(
     output: Path | None,
     compare: Path | None,
     scanner_mm_per_px: float | None,
+    marker_above_image: bool,
+    expected: Path | None,
     report: bool,
     overwrite: bool,
     as_json: bool,
@@ -102,7 +107,8 @@ def validate(
     content = read_bytes(table)
     known = {
         "scanner_mm_per_px": scanner_mm_per_px,
-        "expected_rotation": None if other is None else other.probe_from_image.rotation,
+        "expected_rotation": expected_rotation(expected or compare),
+        "marker_above_image": marker_above_image,
     }
     numbers, rows = _numbers(found, content, table.name, known=known, **options)
     comparison = None if other is None else _compared(found, other)
@@ -144,11 +150,12 @@ def _numbers(
     nwires: tuple[tuple[str, str, str], ...],
     seed: int,
 ) -> tuple[Validation, Observations | None]:
+    from sonocal.files.kinds import Head
     from sonocal.observations import parse_observations
     from sonocal.validation import parse_point_sightings, validate, validate_points
 
-    header = content.split(b"\n", 1)[0]
-    if crosswire or (b"x0_mm" not in header and b"u_px" in header):
+    header = Head(Path(name), content).columns
+    if crosswire or ("x0_mm" not in header and "u_px" in header):
         points: PointSightings = parse_point_sightings(content, name)
         return validate_points(calibration, points), None
     rows = parse_observations(content, name)
@@ -170,7 +177,7 @@ def _print(calibration: Calibration, numbers: Validation, comparison: Comparison
 
 
 def _record(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> dict[str, Any]:
-    from sonocal.validation import give_verdict
+    from sonocal.validation import cannot_show, give_verdict
 
     record: dict[str, Any] = {
         "verdict": give_verdict(calibration, numbers),
@@ -178,6 +185,7 @@ def _record(calibration: Calibration, numbers: Validation, comparison: Compariso
         "sha256": numbers.sha256,
         "quantities": numbers.quantities,
         "diagnostics": numbers.diagnostics,
+        "cannot_show": cannot_show(calibration),
     }
     if comparison is not None:
         record["comparison"] = {

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError, require
 from sonocal.geometry import FURTHEST, Array, frozen, real_array
+from sonocal.observations.image_size import checked_size
 
 __all__ = [
     "Observations",
@@ -44,6 +45,7 @@ class Observations:
         sigma_px: (N,) standard deviation of the point, px, or None when unknown.
         sigma_mm: (N,) standard deviation of the segment's end points, mm, or None when unknown.
         extra: further columns of the file, as text, kept for writing.
+        image_size_px: ``(width, height[, depth])`` of the images that the points are in, or None when unknown.
         source: the name that messages give the table.
         lines: (N,) line of each row in the file, for messages.
         sha256: digest of the file, or "".
@@ -61,6 +63,7 @@ class Observations:
     sigma_px: Array | None = None
     sigma_mm: Array | None = None
     extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    image_size_px: tuple[int, ...] | None = None
     source: str = "observations"
     lines: NDArray[np.int64] | None = None
     sha256: str = ""
@@ -88,6 +91,9 @@ class Observations:
                 self._set_column(name, getattr(self, name), np.float64)
         require(self.extra, Mapping, "a mapping from names to columns, for extra,")
         self._set("extra", {name: self._extra(name, column) for name, column in self.extra.items()})
+        if self.image_size_px is not None:
+            size = checked_size(self.image_size_px, self.dimension, f"{self.source}: image_size_px")
+            self._set("image_size_px", size)
         self._check_values()
 
     def __len__(self) -> int:
@@ -114,6 +120,7 @@ class Observations:
         """
         table = object.__new__(cls)
         defaults: dict[str, Any] = {"sigma_px": None, "sigma_mm": None, "extra": {}, "lines": None}
+        defaults["image_size_px"] = None
         for name, column in {
             **defaults,
             "points_px": points_px,

@@ -21,7 +21,7 @@ from sonocal.registration.uncertainty import weakest_motion
 from sonocal.report import figures, views3d
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import DETECTED, RC, TRACKED
-from sonocal.validation import Comparison, Validation, give_verdict
+from sonocal.validation import CANNOT_SHOW, Comparison, Validation, cannot_show, give_verdict
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["is_report_of", "report_html"]
@@ -69,6 +69,7 @@ def report_html(
         validation=validation,
         comparison=comparison,
         errors=_errors(calibration),
+        standing=(CANNOT_SHOW, cannot_show(calibration)),
         findings=[*calibration.diagnostics, *(validation.diagnostics if validation else ())],
         figures=drawn,
         pictures=pictures,

@@ -1,5 +1,6 @@
 """What is often wrong with a set-up, looked for in its data; each finding is a diagnostic with its code.
 
+- implausible-units: lengths are not in mm, or places not in px: the scale or the segments are none that exist.
 - scale-differs-from-scanner: mm/px is not what the scanner says. Needs the scanner's mm/px.
 - flipped-image: the image is mirrored or upside down. In 2D, needs a roughly known orientation.
 - marker-slipped: the marker moved on the probe during the scan. Needs frames in the order of time.
@@ -17,6 +18,7 @@ from sonocal.setup_checks.latency import check_latency
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
 from sonocal.setup_checks.refused import Refused, refusal_findings
 from sonocal.setup_checks.slip import check_slip
+from sonocal.setup_checks.units import check_units
 from sonocal.setup_checks.whole import check_setup
 
 __all__ = [
@@ -30,5 +32,6 @@ __all__ = [
     "check_setup",
     "check_slip",
     "check_tool_frame",
+    "check_units",
     "refusal_findings",
 ]

@@ -57,6 +57,13 @@ class Evidence:
         return 7 + (self.model == "anisotropic")
 
     @cached_property
+    def seen_px(self) -> Array:
+        """(2, d): the box of the rows that agree, or of all where none does."""
+        points = self.observations.points_px
+        points = points[self.inlier] if self.inlier.any() else points
+        return np.array([points.min(axis=0), points.max(axis=0)])
+
+    @cached_property
     def inlier(self) -> NDArray[np.bool_]:
         """(N,): whether the row agrees."""
         return np.asarray(self.mapped.distances <= self.threshold_mm)

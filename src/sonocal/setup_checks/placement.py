@@ -161,6 +161,10 @@ def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnost
         angle = np.arccos(np.clip(cosine, -1.0, 1.0))
         if angle < ORIENTATION_RAD:
             yield _flipped(f"against its expected orientation {what} ({np.degrees(angle):.0f} deg off that)")
+            return
+    angle = np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0))
+    if angle > ORIENTATION_RAD:
+        yield _flipped(f"against its expected orientation it is turned by {np.degrees(angle):.0f} deg")
 
 
 def _check_marker_side(evidence: Evidence) -> Iterator[Diagnostic]:

@@ -14,6 +14,7 @@ from sonocal.setup_checks.latency import latency_of
 from sonocal.setup_checks.motion import motion_of
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
 from sonocal.setup_checks.slip import slip_findings
+from sonocal.setup_checks.units import check_units
 
 __all__ = ["check_setup"]
 
@@ -41,6 +42,7 @@ def check_setup(
         The findings; anisotropy is among those of the calibration itself.
     """
     findings = [
+        *check_units(evidence),
         *check_flip(evidence, expected_rotation=expected_rotation, marker_above_image=marker_above_image),
         *check_needle_end(evidence),
         *check_copies(evidence),

@@ -141,6 +141,8 @@ def tabulated(
     names = np.array([one.name for one in lines])
     table = _rows(detections, row[sound], names[line[sound]], segments[sound])
     table = _timed(table, recording.times)
+    if recording.image is not None:
+        table = table.with_sound(image_size_px=recording.image.size_px)
     return Sightings(table, *_left_out(len(detections), row, posed, seen))
 
 

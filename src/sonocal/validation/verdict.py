@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sonocal.calibration import Calibration
+from sonocal.calibration.area import expected_errors
 from sonocal.calibration.held_out import FAR
 from sonocal.findings import Diagnostic
 from sonocal.validation.whole import Validation
@@ -24,6 +25,7 @@ SPOILING = {
     "wrong-end-of-needle",
     "held-out-rows-far-off",
     "points-far-off",
+    "implausible-units",
 }
 # Findings that measured an error beyond the predicted one.
 BEYOND_PREDICTED = {
@@ -81,11 +83,7 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
         why.insert(0, (NO_PREDICTION, "no row is left over to tell how far off it is"))
         return _verdict("stop", "No error can be predicted.", why)
     below = calibration.predicted_errors()[2]
-    worst, centre = float(below[:-1].max()), float(below[-1])
-    expectation = (
-        f"Expect errors of the calibration up to {worst:.1f} mm at the image's corners and {centre:.1f} mm at its "
-        "centre (95 %)."
-    )
+    worst, expectation = float(below[:-1].max()), expected_errors(calibration)
     if any(code in BEYOND_PREDICTED for code, _ in why):
         expectation += " What was measured says otherwise."
     tolerance = calibration.options.tolerance_mm

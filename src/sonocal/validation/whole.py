@@ -69,6 +69,7 @@ def validate(
     resample: bool = True,
     scanner_mm_per_px: float | None = None,
     expected_rotation: ArrayLike | None = None,
+    marker_above_image: bool = False,
     seed: int = 0,
 ) -> Validation:
     """All numbers that a table of sightings gives.
@@ -86,6 +87,7 @@ def validate(
         scanner_mm_per_px: what the scanner says.
         expected_rotation: (3, 3): roughly, the directions of u, v and normal in the marker's frame, as columns,
             such as the rotation of another calibration of this probe and marker.
+        marker_above_image: the marker is fixed to the handle, beyond the upper half of the image.
         seed: of the resampling.
 
     Raises:
@@ -114,6 +116,7 @@ def validate(
             attempts.run("leave-one-target-out error", lambda: leave_one_target_out(calibration, fitted))
         spread = attempts.repeatability(calibration, fitted, seed)
     told = {"scanner_mm_per_px": scanner_mm_per_px, "expected_rotation": expected_rotation}
+    told |= {"marker_above_image": marker_above_image}
     findings = [*attempts.failures, *_said_by(calibration, observations, unseen, told)]
     return Validation(
         tuple(attempts.quantities), tuple(findings), spread, observations.source, observations.sha256

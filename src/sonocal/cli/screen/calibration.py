@@ -14,6 +14,7 @@ from sonocal.calibration import Calibration, ErrorStatistics, point_line_rows
 from sonocal.cli.screen.parts import (
     number_table,
     print_findings,
+    standing,
     verdict_text,
 )
 from sonocal.geometry import similarity_errors
@@ -36,6 +37,7 @@ def print_calibration(console: Console, calibration: Calibration) -> None:
     if calibration.covariance is not None:
         console.print(_prediction_table(calibration))
     console.print(_matrix(calibration))
+    console.print(standing(calibration))
     print_findings(console, calibration.diagnostics, "info")
 
 
@@ -121,7 +123,12 @@ def _statistics(errors: ErrorStatistics) -> list[str]:
 def _prediction_table(calibration: Calibration) -> Table:
     places, rms, below = calibration.predicted_errors()
     axes = ", ".join("uvw"[: calibration.dimension])
-    table = number_table("Predicted error of the calibration, mm", f"at ({axes}), px", "rms", "95 % below")
+    table = number_table(
+        f"Predicted error of the calibration over the {calibration.area_name}, mm",
+        f"at ({axes}), px",
+        "rms",
+        "95 % below",
+    )
     for i, place in enumerate(places):
         name = "centre" if i == len(places) - 1 else "corner"
         table.add_row(name, ", ".join(f"{x:.0f}" for x in place), f"{rms[i]:.2f}", f"{below[i]:.2f}")

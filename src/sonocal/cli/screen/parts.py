@@ -10,10 +10,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from sonocal.calibration import Calibration
 from sonocal.findings import Diagnostic
-from sonocal.validation import Verdict
+from sonocal.validation import CANNOT_SHOW, Verdict, cannot_show
 
-__all__ = ["finding", "number_table", "print_findings", "verdict_text"]
+__all__ = ["finding", "number_table", "print_findings", "standing", "verdict_text"]
 
 COLOURS = {"use": "green", "care": "yellow", "stop": "red"}
 
@@ -33,6 +34,12 @@ def finding(found: Diagnostic) -> RenderableType:
     body = Text(found.message[0].upper() + found.message[1:] + ".")
     advice = Text("What to do: " + found.advice + ".", style="italic")
     return Group(head, Padding(body, (0, 0, 0, 2), expand=False), Padding(advice, (0, 0, 0, 2), expand=False))
+
+
+def standing(calibration: Calibration) -> RenderableType:
+    """What no scan shows, with what to compare."""
+    sentences = [Padding(Text(one), (0, 0, 0, 2), expand=False) for one in cannot_show(calibration)]
+    return Group(Text(f"{CANNOT_SHOW}:", style="bold"), *sentences)
 
 
 def print_findings(console: Console, findings: Iterable[Diagnostic], severity: str | None = None) -> None:

@@ -17,6 +17,7 @@ from sonocal.cli.screen.parts import (
 )
 from sonocal.detection import Detections
 from sonocal.geometry import Array
+from sonocal.geometry.units import UNITS_CODE
 from sonocal.recording import (
     ImageGeometry,
     Summary,
@@ -120,6 +121,8 @@ def _tool_verdict(found: ToolCalibration) -> Text:
     if found.needle is not None:
         known.append(f"the needle's direction to +-{1.96 * found.needle.direction_deviation_deg:.2f} deg")
     trust = "expect " + " and ".join(known) + " (95 %)" if known else "see how well the points rested"
+    if any(one.code == UNITS_CODE for one in found.diagnostics):
+        return Text("Do not use it: the numbers may not be millimetres.", style="bold red")
     if any(one.severity == "warning" for one in found.diagnostics):
         return Text(f"Use with care: {trust}; the warnings say why it may be more.", style="bold yellow")
     return Text(f"Sound: {trust}", style="bold green")

@@ -13,6 +13,7 @@ from sonocal.calibration import Calibration
 from sonocal.cli.screen.parts import (
     number_table,
     print_findings,
+    standing,
     verdict_text,
 )
 from sonocal.validation import (
@@ -40,6 +41,7 @@ def print_validation(
     if comparison is not None:
         console.print()
         console.print(_comparison(comparison))
+    console.print(standing(calibration))
     print_findings(console, [*calibration.diagnostics, *validation.diagnostics])
 
 
