@@ -48,7 +48,7 @@ CALIBRATIONS = {
     "2D": lambda seed: sc.calibrate(simulate_observations(2, 30, outlier_share=0.2, seed=seed).observations),
     "3D": lambda seed: sc.calibrate(simulate_observations(3, 12, seed=seed).observations),
     "anisotropic": lambda seed: sc.calibrate(
-        simulate_observations(2, 30, seed=seed).observations, model="anisotropic", image_size_px=(640, 480)
+        simulate_observations(2, 30, seed=seed).observations, model="anisotropic", image_size_px=(500, 500)
     ),
     "auto": lambda seed: sc.calibrate(
         simulate_observations(2, 30, outlier_share=0.2, seed=seed).observations, threshold_mm="auto"

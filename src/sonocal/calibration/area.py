@@ -26,7 +26,8 @@ def expected_errors(calibration: Calibration) -> str:
     growth = 100 * calibration.error_growth_mm_per_px()
     return (
         f"{up_to} at the corners of the area seen, {_size(calibration.area_px)} px, and {centre:.1f} mm at its centre "
-        f"(95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm every 100 px."
+        f"(95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm a "
+        "100 px."
     )
 
 
@@ -45,7 +46,9 @@ def area_findings(calibration: Calibration) -> Iterator[Diagnostic]:
     yield Diagnostic(
         code="narrow-area",
         severity="warning",
-        message=f"the area seen is a band of {_size(seen)}{of} px, and nothing beyond it was seen: errors there are a guess",
+        message=(
+            f"the area seen is a band of {_size(seen)}{of} px, and nothing beyond it was seen: errors there are a guess"
+        ),
         advice="add sightings all over the image, above all near its corners"
         + ("" if calibration.area_is_image else ", and give its size with --image-size"),
     )

@@ -15,7 +15,7 @@ from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import area_seen, image_area, known_image_size, split_rows
+from sonocal.calibration.rows import image_area, known_image_size, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import require
 from sonocal.findings import Findings
@@ -84,8 +84,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     with explained(rows, asked):
         table, fit, mirrored = fit_rows(rows, asked)
     mapped, used = MappedRows(fit.transform, table), asked.resolved(fit.threshold_mm)
-    seen = area_seen(rows.points_px[fit.inlier])
-    area = image_area(size, seen)
+    seen, area = image_area(rows.points_px[fit.inlier], size)
 
     # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
     groupings = groupings_of(mapped, fit, rows.split)
@@ -111,8 +110,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, used)},
     )
 
-    # What to know before use, looked for when it is first read: of the fit, of rows held out that are a surprise, of
-    # the set-up.
+    # What to know before use, looked for when it is first read.
     accepted = (area, used.tolerance_mm, found.area_name)
     looks = (
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),

@@ -217,7 +217,7 @@ def fit_findings(
     """
     yield from diagnose_fit(fit)
     yield from diagnose_rival(rival)
-    yield from weakness_findings(mapped.table, fit, noise, *accepted)
+    yield from weakness_findings(mapped.table, fit, noise, accepted)
     if mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
     yield from diagnose_noise(noise, groupings.stretch_frames)
@@ -230,11 +230,12 @@ def predicts(noise: Noise) -> bool:
 
 
 def weakness_findings(
-    table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float, area_name: str = "image"
+    table: PointLineRows, fit: Fit, noise: Noise, accepted: tuple[Array, float, str]
 ) -> Iterator[Diagnostic]:
     """The predicted error at the corners against what is accepted."""
     if not predicts(noise):
         return
+    area, tolerance_mm, area_name = accepted
     corners = area_places(area)[:-1]
     covariances = point_covariance(fit.transform, noise.covariance, corners)
     worst = float(radius_95(covariances, noise.freedom).max())

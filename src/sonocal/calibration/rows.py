@@ -13,7 +13,6 @@ from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 
 __all__ = [
-    "area_seen",
     "check_rows",
     "image_area",
     "known_image_size",
@@ -105,14 +104,10 @@ def known_image_size(rows: Observations, told_px: tuple[int, ...] | None) -> tup
     return told_px or stated
 
 
-def image_area(size_px: tuple[int, ...] | None, seen_px: Array) -> Array:
-    """(2, d), px: the least and the greatest corner of the image, or of the area seen where its size is not known."""
-    return seen_px if size_px is None else np.array([np.zeros(len(size_px)), np.asarray(size_px) - 1.0])
-
-
-def area_seen(points_px: Array) -> Array:
-    """(2, d), px: the least and the greatest corner of the box that holds points (N, d)."""
-    return np.array([points_px.min(axis=0), points_px.max(axis=0)])
+def image_area(points_px: Array, size_px: tuple[int, ...] | None) -> tuple[Array, Array]:
+    """The box (2, d), px, that holds points (N, d), and the image's, which is that box where its size is not known."""
+    seen = np.array([points_px.min(axis=0), points_px.max(axis=0)])
+    return seen, seen if size_px is None else np.array([np.zeros(len(size_px)), np.asarray(size_px) - 1.0])
 
 
 def line_distances(probe_from_image: AxisScaled, rows: Observations) -> Array:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
-import click
-
+from sonocal.cli.screen.plain import say, say_json
 from sonocal.errors import SonocalError
 
 __all__ = ["refusing"]
@@ -22,19 +22,16 @@ def refusing(*, as_json: bool) -> Iterator[None]:
         yield
     except SonocalError as error:
         if as_json:
-            click.echo(_json(error))
+            say_json(_record(error))
         for finding in error.diagnostics[1:]:
-            click.echo(f"Note: {finding.message}; {finding.advice} ({finding.code})", err=True)
+            say(f"Note: {finding.message}; {finding.advice} ({finding.code})", err=True)
         raise
 
 
-def _json(error: SonocalError) -> str:
-    import msgspec
-
-    record = {
+def _record(error: SonocalError) -> dict[str, Any]:
+    return {
         "error": str(error),
         "kind": type(error).__name__,
         "code": getattr(error, "code", None),
         "diagnostics": error.diagnostics,
     }
-    return msgspec.json.format(msgspec.json.encode(record), indent=1).decode()

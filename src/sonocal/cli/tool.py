@@ -128,7 +128,7 @@ def tool(
     options |= _parts(recording, options)
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
     found = calibrate_tool(options.pop("tool_name"), **options)
-    source = next(part.name for name in ("first", "spin") if (part := options[name]) is not None)
+    source = next(part.name for name in ("first", "spin") if (part := options.get(name)) is not None)
     refuse_units(source, found.diagnostics, accepted=accept_units)
     if output is not None:
         reserve(output)

@@ -26,6 +26,8 @@ UNITS_CODE = "implausible-units"
 UNITS = {"metres": 1000.0, "centimetres": 10.0, "inches": 25.4, "micrometres": 0.001}
 # No scanner shows less or more: 0.02 mm/px is a probe of 20 MHz, 1.5 a large abdomen in a thumbnail.
 LEAST_SCALE, MOST_SCALE = 0.01, 1.5
+# Of volumes, whose voxels are coarser: 64 of them may hold a whole abdomen.
+MOST_VOLUME_SCALE = 4.0
 # Of the scale's logarithm: it counts as out of bounds when its uncertainty does not bring it back.
 SURE = 2.0
 # Scanners mostly show between these: a unit that brings a scale here is named.
@@ -86,7 +88,7 @@ def unit_doubt(hints: Sequence[Hint], where: str = "") -> Iterator[Diagnostic]:
     question = " or ".join(units) if units else "millimetres"
     what = "; ".join(hint.what for hint in hints)
     yield Diagnostic(
-        code=UNITS_CODE,
+        code="implausible-units",
         severity="warning",
         message=where + ("are these pixels" if normalised else "are these " + question) + f"? {what}",
         advice=_remedy(units, normalised=normalised)
@@ -103,20 +105,22 @@ def _remedy(units: Sequence[str], *, normalised: bool) -> str:
     return f"multiply lengths by {by}"
 
 
-def scale_hints(scales: Array, deviation: float = 0.0) -> list[Hint]:
+def scale_hints(scales: Array, deviation: float = 0.0, dimension: int = 2) -> list[Hint]:
     """Of mm per px.
 
     Args:
         scales: (1,) to (3,).
         deviation: standard deviation of their logarithm.
+        dimension: of the image: 2, or 3 for a volume.
     """
     slack = np.exp(SURE * deviation) if np.isfinite(deviation) else 1.0
     least, most = float(np.min(scales)), float(np.max(scales))
     if least * slack < LEAST_SCALE:
         said = f"the scale came out as {least:.2g} mm/px, and no scanner shows less than {LEAST_SCALE:g}"
         return [Hint(said, least, USUAL_SCALE)]
-    if most / slack > MOST_SCALE:
-        said = f"the scale came out as {most:.3g} mm/px, and no scanner shows more than {MOST_SCALE:g}"
+    bound = MOST_SCALE if dimension == 2 else MOST_VOLUME_SCALE
+    if most / slack > bound:
+        said = f"the scale came out as {most:.3g} mm/px, and no scanner shows more than {bound:g}"
         return [Hint(said, most, USUAL_SCALE)]
     return []
 
@@ -163,7 +167,7 @@ def needle_hints(name: str, length_mm: float) -> list[Hint]:
 
 
 def place_hints(name: str, matrices: Array) -> list[Hint]:
-    """Of a tool's valid poses (N, 4, 4): one that turns and moves, with its marker's origin nowhere near a room's size."""
+    """Of a tool's valid poses (N, 4, 4): one that turns and moves, but in no room of a usual size."""
     if len(matrices) < 2:
         return []
     places = matrices[:, :3, 3]

@@ -16,7 +16,7 @@ __all__ = ["check_units"]
 def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
     """Does the scale exist, and do segments, area and marker have a size that set-ups have?"""
     rows, transform = evidence.observations, evidence.transform
-    hints = scale_hints(transform.scales[: evidence.parameters - 6], _deviation(evidence))
+    hints = scale_hints(transform.scales[: evidence.parameters - 6], _deviation(evidence), rows.dimension)
     hints += length_hints(rows.points_px, rows.segments_mm)
     if not hints and len(rows):
         middle = rows.points_px.mean(axis=0, keepdims=True)

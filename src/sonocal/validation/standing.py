@@ -41,23 +41,19 @@ def _marker(calibration: Calibration) -> str:
     marker = -transform.translation @ transform.rotation  # mm along u, v and their normal
     scales = transform.scales[: calibration.dimension]
     (left, top, *_), (right, bottom, *_) = calibration.area_px * scales
-    name = calibration.area_name
+    name = "image" if calibration.area_is_image else "area seen"
     if marker[1] < top:
-        height = f"{top - marker[1]:.0f} mm above the {name}'s top edge"
+        height = f"{top - marker[1]:.0f} mm above the top edge of the {name}"
     elif marker[1] > bottom:
-        height = f"{marker[1] - bottom:.0f} mm below the {name}'s bottom edge"
+        height = f"{marker[1] - bottom:.0f} mm below the bottom edge of the {name}"
     else:
         height = f"beside the {name}, {marker[1] - top:.0f} mm below its top edge"
     aside = marker[0] - (left + right) / 2
     depth = marker[2] - (area_places(calibration.area_px)[-1] * scales)[2] if len(scales) == 3 else marker[2]
     return (
-        f"{height}, {abs(aside):.0f} mm towards u{_sign(aside)} of its middle and {abs(depth):.0f} mm towards "
-        f"{'w' if len(scales) == 3 else 'its normal'}{_sign(depth)}"
+        f"{height}, {abs(aside):.0f} mm to the {'right' if aside >= 0 else 'left'} of its middle and "
+        f"{abs(depth):.0f} mm {'along' if depth >= 0 else 'against'} {'w' if len(scales) == 3 else 'its normal (u x v)'}"
     )
-
-
-def _sign(number: float) -> str:
-    return "+" if number >= 0 else "-"
 
 
 def _shared_offset() -> str:
