@@ -50,9 +50,10 @@ def _marker(calibration: Calibration) -> str:
         height = f"beside the {name}, {marker[1] - top:.0f} mm below its top edge"
     aside = marker[0] - (left + right) / 2
     depth = marker[2] - (area_places(calibration.area_px)[-1] * scales)[2] if len(scales) == 3 else marker[2]
+    normal = "w" if len(scales) == 3 else "its normal (u x v)"
     return (
         f"{height}, {abs(aside):.0f} mm to the {'right' if aside >= 0 else 'left'} of its middle and "
-        f"{abs(depth):.0f} mm {'along' if depth >= 0 else 'against'} {'w' if len(scales) == 3 else 'its normal (u x v)'}"
+        f"{abs(depth):.0f} mm {'along' if depth >= 0 else 'against'} {normal}"
     )
 
 
