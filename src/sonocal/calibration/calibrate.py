@@ -85,9 +85,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     mapped, used = MappedRows(fit.transform, table), asked.resolved(fit.threshold_mm)
 
     # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
-    groupings = groupings_of(mapped, fit, rows.split)
+    groupings = groupings_of(table, rows)
     known = {"known_px": table.level_px(used.sigma_px) > 0, "known_mm": table.level_mm(used.sigma_mm) > 0}
-    noise = estimate_noise(table, fit, groupings.labels, **known)
+    noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     if rival is not None:
         noise = replace(noise, covariance=noise.covariance + rival.covariance)
