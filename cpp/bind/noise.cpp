@@ -139,7 +139,6 @@ void bind_noise(nb::module_& m) {
   nb::class_<Drift>(m, "Drift")
       .def_ro("gain", &Drift::gain)
       .def_ro("unit", &Drift::unit)
-      .def_ro("frame", &Drift::frame)
       .def_ro("wander", &Drift::wander)
       .def_ro("memory", &Drift::memory)
       .def_ro("stretches", &Drift::stretches)

@@ -105,9 +105,6 @@ class Drift:
     def unit(self) -> float: ...
 
     @property
-    def frame(self) -> float: ...
-
-    @property
     def wander(self) -> float: ...
 
     @property

@@ -23,11 +23,15 @@ constexpr int kFewestTimes = 12;
 constexpr double kScreened = 1.5;
 // Twice the log likelihood that a drift must gain: three parameters gain as much by chance in one of 20 scans.
 constexpr double kLeastGain = 3.0;
-// An offset for every frame is told from rows' own noise only where frames have more rows than one.
-constexpr double kRowsEach = 1.5;
+// An offset for every frame is told from rows' own noise only where frames have more of them than one.
+constexpr double kPairsEach = 1.5;
+// An offset of a frame's own may take this much of what the weights give a frame.
+constexpr double kMostTaken = 0.95;
 // The priors' standard deviation, of logarithms: without it, a flat likelihood would leave no freedom at all.
 constexpr double kPriorWidth = 2.0;
 constexpr double kLeastFreedomLeft = 4.5;
+// Sums of squares below this part of what they are the difference of are none.
+constexpr double kLostToRounding = 1e-10;
 
 // What a frame's rows say of an offset of the line: B'B, and B'[J r].
 struct FrameSums {
@@ -102,7 +106,7 @@ class Frames {
     for (int t = 0; t < count(); ++t) {
       Matrix3d weight = frames_[t].weight;
       FramePull pull = frames_[t].pull;
-      if (own > 0) {
+      if (own != 0) {
         const Matrix3d each = Matrix3d::Identity() + own * weight, shrink = each.inverse();
         determinants += std::log(each.determinant());
         left.noalias() -= own * pull.transpose() * (shrink * pull);
@@ -132,12 +136,14 @@ class Frames {
     const Eigen::PartialPivLU<Eigen::MatrixXd> solver(information);
     const double squares = left(k, k) - of.dot(solver.solve(Eigen::VectorXd(of)));
     const double volume = std::log(std::abs(solver.determinant()));
-    const double value = freedom_ * std::log(std::max(squares, 1e-300)) + determinants + volume;
-    return {std::isfinite(value) ? value : std::numeric_limits<double>::max(), squares / freedom_};
+    const double value = freedom_ * std::log(squares) + determinants + volume;
+    // Rounding has eaten up what a huge drift leaves.
+    const bool sound = squares > kLostToRounding * whole_(k, k) && std::isfinite(value);
+    return {sound ? value : std::numeric_limits<double>::max(), squares / freedom_};
   }
 
-  // C J'B K B'J C with K = exp(-|time| / memory).
-  TangentMatrix of_offsets(double memory, const TangentMatrix& c) const {
+  // C J'B K B'J C with K = wander exp(-|time| / memory), and `own` more of one frame with itself.
+  TangentMatrix of_offsets(double wander, double memory, double own, const TangentMatrix& c) const {
     const Eigen::Index k = columns_ - 1;
     TangentMatrix sum = TangentMatrix::Zero(k, k);
     FramePull before = FramePull::Zero(3, columns_);
@@ -145,13 +151,19 @@ class Frames {
       const auto now = frames_[t].pull.leftCols(k);
       if (t > 0) before = (kept(t, memory) * (before + frames_[t - 1].pull)).eval();
       const TangentMatrix cross = now.transpose() * before.leftCols(k);
-      sum += now.transpose() * now + cross + cross.transpose();
+      sum += (wander + own) * (now.transpose() * now) + wander * (cross + cross.transpose());
     }
     return c * sum * c;
   }
 
-  double rows_each() const {
-    return (freedom_ + columns_ - 1) / (2.0 * count());
+  // Pairs of residuals a frame: more than one tell what a frame has of its own from what single rows have.
+  double pairs_each() const { return (freedom_ + taken_ + columns_ - 1) / (2.0 * count()); }
+  // The greatest part of its weight that an offset of a frame's own can take from the rows' noise: in a volume, where
+  // levels that drift has blown up weigh a sighting's place too lightly, it is less than what they say.
+  double most_weight() const {
+    double most = 0;
+    for (const FrameSums& frame : frames_) most = std::max(most, symmetric_eigenvalues(frame.weight).maxCoeff());
+    return most;
   }
 
  private:
@@ -197,7 +209,8 @@ class Search {
  public:
   explicit Search(const Frames& frames)
       : frames_(frames), most_memory_(std::log(std::max(2 * frames.span(), 4.0))) {
-    own_ = frames.rows_each() > kRowsEach;
+    own_ = frames.pairs_each() > kPairsEach;
+    least_own_ = -kMostTaken / frames.most_weight();
   }
 
   // In units of the line's variance: one that a row's own noise alone would give.
@@ -206,9 +219,10 @@ class Search {
     double least = std::numeric_limits<double>::max();
     for (double memory = std::log(1.5); memory < most_memory_; memory += std::log(3.0))
       for (const double share : {0.03, 0.3, 3.0})
-        for (const double own : {1e-3, 1.0}) {
-          if (!own_ && own < 1) continue;
-          const Parameters tried{std::log(share * row_variance), memory, std::log(own * 0.5 * row_variance)};
+        for (const double own : {0.0, 0.5}) {
+          if (!own_ && own > 0) continue;
+          const Parameters tried{std::log(share * row_variance), memory,
+                                 std::log(own * row_variance - least_own_)};
           if (const double value = (*this)(tried); value < least) least = value, at = tried;
         }
     for (double step = 0.8; step > 0.02; step *= 0.5)
@@ -232,22 +246,24 @@ class Search {
     return misfit(p).value;
   }
   Frames::Misfit misfit(const Parameters& p) const {
-    return frames_.misfit(std::exp(p[kWander]), std::exp(p[kMemory]), own_ ? std::exp(p[kOwn]) : 0.0);
+    return frames_.misfit(std::exp(p[kWander]), std::exp(p[kMemory]), own(p));
   }
-  bool own() const { return own_; }
+  double own(const Parameters& p) const { return own_ ? least_own_ + std::exp(p[kOwn]) : 0.0; }
+  double least_own() const { return least_own_; }
+  bool has_own() const { return own_; }
 
  private:
   const Frames& frames_;
-  double most_memory_;
+  double most_memory_, least_own_ = 0;
   bool own_;
 };
 
 // Errors' mean square in the tangent's own metric, relative to what rows' own noise alone would give.
 double size_of(const Frames& frames, const Search& search, const Parameters& p, const TangentMatrix& c) {
-  const TangentMatrix of = frames.of_offsets(std::exp(p[kMemory]), c);
+  const TangentMatrix of =
+      frames.of_offsets(std::exp(p[kWander]), std::exp(p[kMemory]), search.own(p), c);
   const TangentMatrix relative = c.inverse() * of;
-  return search.misfit(p).unit *
-         (1 + std::exp(p[kWander]) * relative.trace() / static_cast<double>(c.rows()));
+  return search.misfit(p).unit * (1 + relative.trace() / static_cast<double>(c.rows()));
 }
 
 // Satterthwaite's freedom of the covariance, by the likelihood's curvature in wander and memory.
@@ -296,19 +312,18 @@ Drift drift_of(const WhiteResiduals& white, const double* time, const std::int32
   const double row_variance = static_cast<double>(white.shift.size()) / white.shift.squaredNorm() / 1.5;
   const Parameters best = search.best(row_variance);
   double without = frames.misfit(0, 1, 0).value;
-  if (search.own())
-    for (double own = row_variance * 1e-3; own < row_variance * 1e3; own *= 1.5)
-      without = std::min(without, frames.misfit(0, 1, own).value);
+  if (search.has_own())
+    for (double own = -1e-2 * search.least_own(); own < row_variance * 1e3; own *= 1.5)
+      without = std::min(without, frames.misfit(0, 1, own + search.least_own()).value);
   const Frames::Misfit misfit = search.misfit(best);
   if (!(without - misfit.value > kLeastGain)) return out;
   out.gain = without - misfit.value;
   out.unit = misfit.unit;
-  out.frame = search.own() ? std::exp(best[kOwn]) : 0.0;
   out.wander = std::exp(best[kWander]);
   out.memory = std::exp(best[kMemory]);
   out.stretches = 1 + frames.span() / (2 * out.memory);
   out.freedom = freedom_of(frames, search, best, covariance);
-  out.of_offsets = frames.of_offsets(out.memory, covariance);
+  out.of_offsets = frames.of_offsets(out.wander, out.memory, search.own(best), covariance);
   return out;
 }
 

@@ -13,11 +13,11 @@ namespace sonocal {
 struct Drift {
   double gain = 0;  // twice the log of what drift gains; 0: none was found, and the rest is unset
   double unit = 1;              // s^2
-  double frame = 0, wander = 0;  // variances of f and b, in the line's units squared and in units of s^2
+  double wander = 0;             // variance of b, in the line's units squared and in units of s^2
   double memory = 0;             // in the unit of time
   double stretches = 0;          // as many independent errors the wandering offset has shown
   double freedom = 0;            // of the F distribution that errors under `covariance` have
-  TangentMatrix of_offsets;      // what b of unit variance does to the tangent
+  TangentMatrix of_offsets;      // what f and b do to the tangent's covariance, in units of s^2
 };
 
 // The drift that makes the residuals likeliest, by restricted maximum likelihood: what the fit has taken up of

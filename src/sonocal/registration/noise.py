@@ -125,10 +125,11 @@ def estimate_noise(
     covariance = unit * sums.covariance
     for place, variance in variances.items():
         covariance = covariance + variance * sums.of_offsets[place]
-    drift, sure = sums.drift, sums.freedom
+    drift = sums.drift
     if drift.gain > 0:
-        covariance = covariance + drift.wander * drift.unit * drift.of_offsets
-        sure = min(sure, drift.freedom)
+        covariance = covariance + drift.unit * drift.of_offsets
+        # Student's t of few freedom has this variance, and nearly the normal's 95 % in units of it.
+        covariance = covariance * drift.freedom / (drift.freedom - 2.0)
     squares = float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / freedom
     row_mm = sqrt(squares * unit * freedom / total) if total > 0 else 0.0
     names = list(groupings)
@@ -138,7 +139,7 @@ def estimate_noise(
         shared_mm["stretch"] = sqrt(drift.wander * drift.unit)
         wandering = Drift(drift.memory, drift.stretches, drift.gain)
     # One level alone leaves a whole number to rounding: 5 must not come out as 4.
-    whole = int(min(freedom, sure * (1.0 + 1e-9)))
+    whole = int(min(freedom, sums.freedom * (1.0 + 1e-9)))
     return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, shared_mm, wandering)
 
 
@@ -163,13 +164,11 @@ def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
 
 
 def _with_drift(variances: dict[int, float], sums: _core.NoiseSums, names: list[str]) -> dict[int, float]:
-    """The variances where a drift was found: it says what is left to single rows and to single frames."""
-    drift = sums.drift
-    if not drift.gain > 0:
+    """The variances where a drift was found: it says what is left to single rows, and what it has of single frames."""
+    if not sums.drift.gain > 0:
         return variances
-    kept = {place: names[number] for place, number in enumerate(sums.kept)}
-    frames = {place: drift.frame * drift.unit for place, name in kept.items() if name == "frame"}
-    return variances | {OWN: drift.unit} | {place: one for place, one in frames.items() if one > 0}
+    others = {place: one for place, one in variances.items() if place == OWN or names[sums.kept[place]] != "frame"}
+    return others | {OWN: sums.drift.unit}
 
 
 def _variances(sums: _core.NoiseSums) -> dict[int, float]:
