@@ -8,6 +8,7 @@ from typing import Unpack
 
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
+from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
@@ -91,10 +92,11 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     if rival is not None:
         noise = replace(noise, covariance=noise.covariance + rival.covariance)
+    few = few_fixed_targets(table, fit.inlier)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,
-        covariance=noise.covariance if predicts(noise) else None,
+        covariance=noise.covariance if predicts(noise) and not few else None,
         noise=noise,
         area_px=area,
         fit=ErrorStatistics.of(fit.residuals_mm[fit.inlier], len(rows), int(fit.inlier.sum())),
@@ -110,6 +112,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     # the set-up.
     accepted = (area, used.tolerance_mm)
     looks = (
+        partial(few_targets_finding, few),
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
