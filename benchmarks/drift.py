@@ -3,7 +3,8 @@
     python -m benchmarks.drift [--seeds 100] [--first 1000] [--rows WORD]
 
 A row is a kind of error; "covered" is the share of image corners that are off by less than the 95 % that is predicted,
-over scans that came without `drifting-residuals`, over those with, and over all.
+over scans that came without `drifting-residuals`, over those with, and over all; then with what a recording's poses add
+(`offset-in-tracker`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from typing import Any
 import numpy as np
 
 import sonocal as sc
-from benchmarks.simulators.drifts import IMAGE_PX, Drifting, drifting_scan
+from benchmarks.simulators.drifts import FRAMES_PER_S, IMAGE_PX, Drifting, drifting_scan
+from sonocal.recording import Poses, Recording
+from sonocal.sweep.tabulate import Posing
+from sonocal.sweep.tracker_offset import with_tracker_offset
 
 WARNING = "drifting-residuals"
 
@@ -24,9 +28,11 @@ WARNING = "drifting-residuals"
 def rows() -> Iterator[tuple[str, dict[str, Any]]]:
     """What is simulated, by name."""
     for dimension in (2, 3):
-        for frames in (20, 50, 100, 300, 1000):
+        for frames in (100, 300, 1000):
             yield f"{dimension}D, N = {frames}, none", {"dimension": dimension, "frames": frames}
-        yield f"{dimension}D, N = 50, none, stills", {"dimension": dimension, "frames": 50, "still": True}
+        for frames in (20, 50, 200):
+            stills = {"dimension": dimension, "frames": frames, "still": True}
+            yield f"{dimension}D, N = {frames}, none, stills", stills
         for memory in (3, 10, 30):
             for frames in (100, 300, 1000, 2000):
                 drift = {"dimension": dimension, "frames": frames, "memory": memory, "drift_mm": 0.5}
@@ -59,9 +65,15 @@ def off_and_bound(scan: Drifting, found: sc.Calibration) -> tuple[np.ndarray, np
     return off[:-1], bound[:-1]
 
 
+def recording_of(scan: Drifting) -> Recording:
+    """The probe's poses."""
+    poses = Poses.of("Probe", "Tracker", scan.tracker_from_probe)
+    return Recording(times=np.arange(len(scan.tracker_from_probe)) / FRAMES_PER_S, poses={poses.name: poses})
+
+
 def one_row(settings: dict[str, Any], seeds: range) -> str:
     """The table's cells of one kind."""
-    ratios, warned, others, wide = [], [], 0, []
+    ratios, with_poses, warned, others, wide, offsets = [], [], [], 0, [], 0
     for seed in seeds:
         scan = drifting_scan(seed, **settings)
         observed = sc.Observations(scan.points_px, scan.segments_mm, frame=scan.frame)
@@ -70,6 +82,10 @@ def one_row(settings: dict[str, Any], seeds: range) -> str:
         off, bound = off_and_bound(scan, found)
         ratios.append(off / bound)
         wide.append(bound.max())
+        posed = with_tracker_offset(found, observed, recording_of(scan), Posing())
+        off, bound = off_and_bound(scan, posed)
+        with_poses.append(off / bound)
+        offsets += len(posed.warnings) > len(found.warnings)
         codes = {one.code for one in found.warnings}
         warned.append(WARNING in codes)
         others += bool(codes - {WARNING})
@@ -79,6 +95,7 @@ def one_row(settings: dict[str, Any], seeds: range) -> str:
         for chosen in (~said, said, said | True)
     ]
     wrong = int(np.sum((ratio.max(axis=1) > 3) & ~said))
+    cells.append(f"{100 * np.mean(np.array(with_poses) < 1):.0f} % ({offsets})")
     return f"{' | '.join(cells)} | {wrong} | {np.median(wide):.2f} mm | {others}"
 
 
@@ -89,8 +106,8 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--rows", default="")
     given = parser.parse_args(arguments)
     print(
-        "| errors | covered, not warned (scans) | warned | all | off by > 3 bounds, not warned | median bound | "
-        "warned of else |\n|---|---|---|---|---|---|---|"
+        "| errors | covered, not warned (scans) | warned | all | with poses (offsets found) | off by > 3 bounds, not "
+        "warned | median bound | warned of else |\n|---|---|---|---|---|---|---|---|"
     )
     for name, settings in rows():
         if given.rows in name:

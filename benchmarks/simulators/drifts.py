@@ -112,7 +112,11 @@ def drifting_scan(
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     before = NEEDLE_MM * (0.6 + 0.2 * path[:, 5:6])
     ends = np.stack([crossing - before * along, crossing + (NEEDLE_MM - before) * along], axis=1)
-    shown = crossing[:, None] if dimension == 2 else crossing[:, None] + np.array([[0.0], [30.0]]) * along[:, None]
+    shown = (
+        crossing[:, None]
+        if dimension == 2
+        else crossing[:, None] + np.array([[0.0], [30.0]]) * along[:, None]
+    )
     probe = ends @ rotation.T + truth[:3, 3]
 
     poses = np.tile(np.eye(4), (count, 1, 1))

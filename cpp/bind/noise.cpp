@@ -160,8 +160,8 @@ void bind_noise(nb::module_& m) {
       .def_prop_ro("ends", &as_array<&Extent::ends>, owned)
       .def_prop_ro("points", &as_array<&Extent::points>, owned);
   m.def("noise_sums", &noise_sums, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a,
-        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(),
-        "time"_a.noconvert().none() = nb::none(), "known_px"_a, "known_mm"_a);
+        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "time"_a.noconvert().none() = nb::none(),
+        "known_px"_a, "known_mm"_a);
   m.def("residual_vectors", &py_residual_vectors, "table"_a, "at"_a);
   m.def("stretch_length", &py_stretch_length, "residuals"_a.noconvert(), "frames"_a.noconvert());
   m.def("extent", &py_extent, "table"_a, "chosen"_a.noconvert().none() = nb::none());

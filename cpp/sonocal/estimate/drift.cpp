@@ -13,7 +13,6 @@
 namespace sonocal {
 namespace {
 
-
 constexpr int kMostColumns = 9;  // the tangent's and the residual's own
 using FramePull = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMostColumns>;
 
@@ -21,7 +20,8 @@ using FramePull = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMostColumns>;
 constexpr int kFewestTimes = 12;
 // Standard deviations of chance below which neighbours' products are not looked at any closer.
 constexpr double kScreened = 1.5;
-// Twice the log likelihood that a drift must gain: three parameters gain as much by chance in one of 20 scans.
+// Twice the log likelihood that a drift must gain: three parameters gain as much by chance in one of 20
+// scans.
 constexpr double kLeastGain = 3.0;
 // An offset for every frame is told from rows' own noise only where frames have more of them than one.
 constexpr double kPairsEach = 1.5;
@@ -158,11 +158,13 @@ class Frames {
 
   // Pairs of residuals a frame: more than one tell what a frame has of its own from what single rows have.
   double pairs_each() const { return (freedom_ + taken_ + columns_ - 1) / (2.0 * count()); }
-  // The greatest part of its weight that an offset of a frame's own can take from the rows' noise: in a volume, where
-  // levels that drift has blown up weigh a sighting's place too lightly, it is less than what they say.
+  // The greatest part of its weight that an offset of a frame's own can take from the rows' noise: in a
+  // volume, where levels that drift has blown up weigh a sighting's place too lightly, it is less than what
+  // they say.
   double most_weight() const {
     double most = 0;
-    for (const FrameSums& frame : frames_) most = std::max(most, symmetric_eigenvalues(frame.weight).maxCoeff());
+    for (const FrameSums& frame : frames_)
+      most = std::max(most, symmetric_eigenvalues(frame.weight).maxCoeff());
     return most;
   }
 
@@ -184,7 +186,8 @@ class Frames {
       weight[targets[white.row[m]]] += shift * shift.transpose();
       pull[targets[white.row[m]]] += shift * residual[m];
     }
-    const auto used = std::count_if(weight.begin(), weight.end(), [](const Matrix3d& w) { return w.trace() > 0; });
+    const auto used =
+        std::count_if(weight.begin(), weight.end(), [](const Matrix3d& w) { return w.trace() > 0; });
     // One target's offset is part of the calibration; as many as rows would take up everything.
     if (used < 2 || 12 * used > residual.size()) return residual;
     taken_ = 3.0 * static_cast<double>(used);
@@ -240,8 +243,7 @@ class Search {
   }
 
   double operator()(const Parameters& p) const {
-    if (p[kMemory] > most_memory_ || p[kMemory] < std::log(0.3) || std::abs(p[kWander]) > 40 ||
-        p[kOwn] < -40)
+    if (p[kMemory] > most_memory_ || p[kMemory] < std::log(0.3) || std::abs(p[kWander]) > 40 || p[kOwn] < -40)
       return std::numeric_limits<double>::max();
     return misfit(p).value;
   }
@@ -260,8 +262,7 @@ class Search {
 
 // Errors' mean square in the tangent's own metric, relative to what rows' own noise alone would give.
 double size_of(const Frames& frames, const Search& search, const Parameters& p, const TangentMatrix& c) {
-  const TangentMatrix of =
-      frames.of_offsets(std::exp(p[kWander]), std::exp(p[kMemory]), search.own(p), c);
+  const TangentMatrix of = frames.of_offsets(std::exp(p[kWander]), std::exp(p[kMemory]), search.own(p), c);
   const TangentMatrix relative = c.inverse() * of;
   return search.misfit(p).unit * (1 + relative.trace() / static_cast<double>(c.rows()));
 }

@@ -92,11 +92,10 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     if rival is not None:
         noise = replace(noise, covariance=noise.covariance + rival.covariance)
-    few = few_fixed_targets(table, fit.inlier)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,
-        covariance=noise.covariance if predicts(noise) and not few else None,
+        covariance=noise.covariance if predicts(noise) and not few_fixed_targets(table, fit.inlier) else None,
         noise=noise,
         area_px=area,
         fit=ErrorStatistics.of(fit.residuals_mm[fit.inlier], len(rows), int(fit.inlier.sum())),
@@ -112,7 +111,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     # the set-up.
     accepted = (area, used.tolerance_mm)
     looks = (
-        partial(few_targets_finding, few),
+        partial(few_targets_finding, table, fit.inlier),
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),

@@ -167,7 +167,9 @@ def _with_drift(variances: dict[int, float], sums: _core.NoiseSums, names: list[
     """The variances where a drift was found: it says what is left to single rows, and what it has of single frames."""
     if not sums.drift.gain > 0:
         return variances
-    others = {place: one for place, one in variances.items() if place == OWN or names[sums.kept[place]] != "frame"}
+    others = {
+        place: one for place, one in variances.items() if place == OWN or names[sums.kept[place]] != "frame"
+    }
     return others | {OWN: sums.drift.unit}
 
 

@@ -36,6 +36,7 @@ from sonocal.sweep.options import (
 )
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.tabulate import tabulate, tabulated
+from sonocal.sweep.tracker_offset import with_tracker_offset
 from sonocal.targets import Line
 
 __all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
@@ -137,7 +138,10 @@ class Sweep:
         look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
         most_mm = telling_threshold_mm(self.lines)
         found = calibrate_chosen(table, self.options, images * len(self.lines), look, most_mm)
-        recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
+        wider = with_tracker_offset(
+            found.calibration, found.observations, self.recording, self.options.posing
+        )
+        recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
 
 
@@ -178,6 +182,7 @@ def calibrate_points(
     sightings = tabulate(recording, lines, detections, asked.posing)
     found = calibrate(sightings.observations, **of_calibrate(asked))
     found = found.with_findings(sightings.diagnostics)
+    found = with_tracker_offset(found, sightings.observations, recording, asked.posing)
     return _as_recorded(found, recording, lines, asked.probe), sightings.observations
 
 
