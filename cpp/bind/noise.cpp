@@ -8,6 +8,7 @@
 
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
+#include "sonocal/estimate/drift.hpp"
 #include "sonocal/estimate/extent.hpp"
 #include "sonocal/estimate/residual_vectors.hpp"
 #include "sonocal/estimate/shared_errors.hpp"
@@ -20,11 +21,13 @@ using namespace sonocal;
 namespace {
 
 using Codes = In<std::int32_t, nb::ndim<1>>;
+using Times = In<double, nb::ndim<1>>;
 
 struct NoiseSums {
   std::vector<int> kept;
   Out<double> expected, observed, of_offsets, covariance;
   double freedom = 0;
+  Drift drift;
 };
 
 TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Options& options) {
@@ -44,6 +47,13 @@ std::vector<const std::int32_t*> checked_codes(const std::vector<Codes>& groupin
     out.push_back(codes.data());
   }
   return out;
+}
+
+const double* checked_times(const Times& time, const Table& table) {
+  require(time.shape(0) == static_cast<std::size_t>(table.rows),
+          "time has not as many entries as the table has rows");
+  check_finite(time.data(), time.shape(0), "time");
+  return time.data();
 }
 
 Out<double> stacked(const std::vector<TangentMatrix>& matrices, std::size_t side) {
@@ -68,14 +78,17 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
 
 NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at,
                      const Options& options, const In<double, nb::ndim<2>>& covariance,
-                     const std::vector<Codes>& groupings, bool known_px, bool known_mm) {
+                     const std::vector<Codes>& groupings, const std::optional<Times>& time, bool known_px,
+                     bool known_mm) {
   const Table table = bound.lines();
   check_model(table, options);
   const bool* rows = checked_rows(chosen, table);
   const TangentMatrix of_tangent = tangent_matrix(covariance, options);
   const std::vector<const std::int32_t*> codes = checked_codes(groupings, table);
+  const double* times = time ? checked_times(*time, table) : nullptr;
   SharedErrors shared;
   WiderCovariance wider;
+  Drift drift;
   {
     nb::gil_scoped_release unlocked;
     const WhiteResiduals white = white_residuals(table, rows, at, options);
@@ -85,13 +98,15 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
         weighted ? std::set<std::int32_t>(white.row.begin(), white.row.end()).size() : white.row.size() / 2;
     shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
     wider = small_sample_covariance(white, by_unknown(white, options, known_px, known_mm), of_tangent);
+    if (times != nullptr) drift = drift_of(white, times, table.labels.target, of_tangent);
   }
   return {shared.kept,
           to_numpy(shared.expected),
           to_numpy(shared.observed),
           stacked(shared.of_offsets, covariance.shape(0)),
           to_numpy(wider.covariance),
-          wider.freedom};
+          wider.freedom,
+          drift};
 }
 
 int py_stretch_length(const In<double, nb::shape<-1, 3>>& residuals, const Codes& frames) {
@@ -121,13 +136,22 @@ Out<double> as_array(const Extent& e) {
 
 void bind_noise(nb::module_& m) {
   const auto owned = nb::rv_policy::automatic;
+  nb::class_<Drift>(m, "Drift")
+      .def_ro("gain", &Drift::gain)
+      .def_ro("unit", &Drift::unit)
+      .def_ro("wander", &Drift::wander)
+      .def_ro("memory", &Drift::memory)
+      .def_ro("stretches", &Drift::stretches)
+      .def_ro("freedom", &Drift::freedom)
+      .def_prop_ro("of_offsets", [](const Drift& drift) { return to_numpy(drift.of_offsets); }, owned);
   nb::class_<NoiseSums>(m, "NoiseSums")
       .def_ro("kept", &NoiseSums::kept)
       .def_ro("expected", &NoiseSums::expected, owned)
       .def_ro("observed", &NoiseSums::observed, owned)
       .def_ro("of_offsets", &NoiseSums::of_offsets, owned)
       .def_ro("covariance", &NoiseSums::covariance, owned)
-      .def_ro("freedom", &NoiseSums::freedom);
+      .def_ro("freedom", &NoiseSums::freedom)
+      .def_ro("drift", &NoiseSums::drift);
   nb::class_<Extent>(m, "Extent")
       .def_ro("direction_spread", &Extent::direction_spread)
       .def_ro("meeting_distance", &Extent::meeting_distance)
@@ -136,7 +160,8 @@ void bind_noise(nb::module_& m) {
       .def_prop_ro("ends", &as_array<&Extent::ends>, owned)
       .def_prop_ro("points", &as_array<&Extent::points>, owned);
   m.def("noise_sums", &noise_sums, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a,
-        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "known_px"_a, "known_mm"_a);
+        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "time"_a.noconvert().none() = nb::none(),
+        "known_px"_a, "known_mm"_a);
   m.def("residual_vectors", &py_residual_vectors, "table"_a, "at"_a);
   m.def("stretch_length", &py_stretch_length, "residuals"_a.noconvert(), "frames"_a.noconvert());
   m.def("extent", &py_extent, "table"_a, "chosen"_a.noconvert().none() = nb::none());

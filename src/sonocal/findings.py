@@ -31,6 +31,8 @@ CODES = {
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along the image's axes",
     "drifting-residuals": "neighbouring frames repeat one another's error",
+    "few-targets": "too few wires to tell how far off the answer is",
+    "offset-in-tracker": "the needle is off by one offset in the tracker's frame",
     "shared-target-error": "rows of a needle or wire share an error",
     "shared-frame-error": "rows of a frame share an error",
     "no-redundancy": "no row is left to check the answer",

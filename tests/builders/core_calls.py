@@ -67,6 +67,7 @@ def noise_sums(h: Hostile) -> Any:
     groups = [h.codes(rows, most) for most in (1, 3, rows)][: h.pick([0, 1, 3])]
     about = h.transform(), h.options(model), h.array(root @ root.T), groups
     known = {"known_px": h.pick([True, False]), "known_mm": h.pick([True, False])}
+    known["time"] = h.pick([None, h.array(np.cumsum(h.random.random(rows)) * h.pick([0.0, 1.0, 1e9]))])
     return h.core.noise_sums(table, h.chosen(rows), *about, **known)
 
 
@@ -171,7 +172,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "study_bounds": study_bounds,
 }
 # What the calls above make or are given.
-REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Extent", "Agreement"}
+REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Drift", "Extent", "Agreement"}
 
 
 def touch(result: Any) -> None:

@@ -179,7 +179,7 @@ def test_a_drift_is_warned_of():
             points, np.stack([middle - along, middle + along], axis=1), frame=frame, target=np.arange(720) % 6
         )
     )
-    assert codes(found) == ["drifting-residuals"]
+    assert "drifting-residuals" in codes(found)
 
 
 def test_four_rows_leave_nothing_to_check_with():

@@ -39,20 +39,26 @@ def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) ->
     wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
     if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
-        covariance = estimate_noise(table, wider, groupings.labels).covariance
-        yield from diagnose_anisotropy(wider.transform.scales, covariance)
+        noise = estimate_noise(table, wider, groupings.labels, time=groupings.time)
+        # What few independent errors leave unknown is in a drift's covariance already, and the scan is warned of.
+        significant = SIGNIFICANT if noise.drift is None else NORMAL_95
+        yield from diagnose_anisotropy(wider.transform.scales, noise.covariance, significant)
 
 
-def diagnose_anisotropy(scales: Array, covariance: Array) -> Iterator[Diagnostic]:
+def diagnose_anisotropy(
+    scales: Array, covariance: Array, significant: float = SIGNIFICANT
+) -> Iterator[Diagnostic]:
     """Different mm/px along u and v, where the data show it.
 
     Args:
         scales: (3,), mm per px, of an anisotropic fit.
         covariance: (8, 8), of its tangent.
+        significant: standard deviations that are no chance.
     """
     ratio = float(np.log(scales[0] / scales[1]))
-    deviation = float(np.sqrt(covariance[6, 6] + covariance[7, 7] - 2 * covariance[6, 7]))
-    if not abs(ratio) > max(SIGNIFICANT * deviation, LEAST_ANISOTROPY):
+    variance = float(covariance[6, 6] + covariance[7, 7] - 2 * covariance[6, 7])
+    deviation = float(np.sqrt(max(variance, 0.0)))
+    if not abs(ratio) > max(significant * deviation, LEAST_ANISOTROPY):
         return
     yield Diagnostic(
         code="anisotropic-scale",

@@ -9,6 +9,7 @@ from typing import Unpack
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
+from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
@@ -87,16 +88,16 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     seen, area = image_area(rows.points_px[fit.inlier], size)
 
     # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
-    groupings = groupings_of(mapped, fit, rows.split)
+    groupings = groupings_of(table, rows)
     known = {"known_px": table.level_px(used.sigma_px) > 0, "known_mm": table.level_mm(used.sigma_mm) > 0}
-    noise = estimate_noise(table, fit, groupings.labels, **known)
+    noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     if rival is not None:
         noise = replace(noise, covariance=noise.covariance + rival.covariance)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,
-        covariance=noise.covariance if predicts(noise) else None,
+        covariance=noise.covariance if predicts(noise) and not few_fixed_targets(table, fit.inlier) else None,
         noise=noise,
         area_px=area,
         image_size_px=size,
@@ -113,6 +114,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     # What to know before use, looked for when it is first read.
     accepted = (area, used.tolerance_mm, found.area_name)
     looks = (
+        partial(few_targets_finding, table, fit.inlier),
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
         partial(area_findings, found),
         partial(held_out_findings, found, held_out),

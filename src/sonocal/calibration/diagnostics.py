@@ -43,6 +43,9 @@ __all__ = [
 MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
+# With fewer independent errors their variance is known to no better than a third of itself; a drift that is likelier
+# by less than this (twice the logarithm) is chance in one scan of a hundred.
+ENOUGH_STRETCHES, SURE_GAIN = 30.0, 8.0
 # A quarter of needles within 5 deg of the image is not chance: of random ones it is a twelfth.
 FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
@@ -121,23 +124,9 @@ def describe_motion(motion: WeakMotion) -> str:
     return f"{parts[max(parts)]} (it moves the corners by {NORMAL_95 * motion.rms_mm:.2g} mm)"
 
 
-def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
+def diagnose_noise(noise: Noise) -> Iterator[Diagnostic]:
     """Errors that rows share: they do not average out, and say that something is systematically off."""
-    drift = noise.shared_mm.get("stretch", 0.0)
-    if drift > LARGE_DRIFT * noise.row_mm:
-        yield Diagnostic(
-            code="drifting-residuals",
-            severity="warning",
-            message=(
-                f"frames share an error of {drift:.2f} mm that drifts over some {stretch_frames} frames, "
-                f"{drift / max(noise.row_mm, 0.01 * drift):.0f} times the {noise.row_mm:.2f} mm of single rows: "
-                "neighbouring frames repeat one another's error"
-            ),
-            advice=(
-                "look for a time lag between image and tracker, a slipped marker, "
-                "or lines that are not where the file says"
-            ),
-        )
+    yield from _diagnose_drift(noise)
     shared = {"target": "a needle or wire", "frame": "a frame"}
     for name, what in shared.items():
         if noise.shared_mm.get(name, 0.0) > 0.5 * noise.row_mm:
@@ -152,6 +141,32 @@ def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
                 + ("needles or wires" if name == "target" else "frames")
                 + " will",
             )
+
+
+def _diagnose_drift(noise: Noise) -> Iterator[Diagnostic]:
+    """An error that wanders, if it is large, or if too few independent ones were seen to average it."""
+    drift, size = noise.drift, noise.shared_mm.get("stretch", 0.0)
+    if drift is None:
+        return
+    few = drift.stretches < ENOUGH_STRETCHES
+    if drift.gain < SURE_GAIN or not (few or size > LARGE_DRIFT * noise.row_mm):
+        return
+    seen = f"; only some {drift.stretches:.0f} independent ones were seen, so that the predicted error is a guess"
+    guess = seen if few else ""
+    yield Diagnostic(
+        code="drifting-residuals",
+        severity="warning",
+        message=(
+            f"frames share an error of {size:.2f} mm that drifts over some {2 * drift.memory_frames:.0f} frames, "
+            f"{size / max(noise.row_mm, 0.01 * size):.1f} times the {noise.row_mm:.2f} mm of single rows: "
+            f"neighbouring frames repeat one another's error{guess}"
+        ),
+        advice=(
+            "look for a time lag between image and tracker, a slipped marker, "
+            "or lines that are not where the file says"
+            + ("; scan longer, for more than thirty times as long as the error drifts over" if few else "")
+        ),
+    )
 
 
 def diagnose_fit(fit: Fit) -> Iterator[Diagnostic]:
@@ -220,7 +235,7 @@ def fit_findings(
     yield from weakness_findings(mapped.table, fit, noise, accepted)
     if mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
-    yield from diagnose_noise(noise, groupings.stretch_frames)
+    yield from diagnose_noise(noise)
     yield from anisotropy_findings(mapped.table, fit, groupings)
 
 

@@ -8,6 +8,7 @@ import msgspec
 
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
+from sonocal.registration.noise import Drift
 from sonocal.registration.options import Model
 
 __all__ = ["CONVENTIONS", "FORMAT", "VERSION", "Record", "Sigma"]
@@ -30,6 +31,7 @@ class Sigma(msgspec.Struct):
     segment_mm: float | None
     shared_mm: dict[str, float]
     freedom: int
+    drift: Drift | None = None
 
 
 class Record(msgspec.Struct, kw_only=True):

@@ -39,6 +39,7 @@ from sonocal.sweep.options import (
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
+from sonocal.sweep.tracker_offset import with_tracker_offset
 from sonocal.targets import Line, require_lines
 
 __all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
@@ -146,9 +147,9 @@ class Sweep:
         with suspects.explaining():
             found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
         judged = suspects.judging(found.calibration, found.used, found.sightings)
-        return replace(
-            found, calibration=_as_recorded(judged, self.recording, self.lines, self.options.probe)
-        )
+        wider = with_tracker_offset(judged, found.observations, self.recording, self.options.posing)
+        recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
+        return replace(found, calibration=recorded)
 
     def _across(self) -> Array | None:
         """(N, 2, 3): of the only needle, two axes across it that turn with it, in the probe marker's frame."""
@@ -206,6 +207,7 @@ def calibrate_points(
     found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
         sightings.diagnostics
     )
+    found = with_tracker_offset(found, sightings.observations, recording, asked.posing)
     return _as_recorded(found, recording, lines, asked.probe), sightings.observations
 
 

@@ -80,7 +80,7 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
     warnings += [d for d in (validation.diagnostics if validation else ()) if d.severity == "warning"]
     why = [(finding.code, _sentence(finding)) for finding in warnings]
     if calibration.covariance is None:
-        why.insert(0, (NO_PREDICTION, "no row is left over to tell how far off it is"))
+        why.insert(0, (NO_PREDICTION, "nothing is left over to tell how far off it is"))
         return _verdict("stop", "No error can be predicted.", why)
     below = calibration.predicted_errors()[2]
     worst, expectation = float(below[:-1].max()), expected_errors(calibration)
