@@ -2,8 +2,8 @@
 
     python -m benchmarks.real_halves [--data FOLDER]
 
-The difference of two calibrations of one set-up, in the tangent, by the sum of their covariances: chi-squared a freedom,
-1 in expectation where both say the truth of themselves.
+The difference of two calibrations of one set-up, in the tangent, by the sum of their covariances: chi-squared a
+freedom, 1 in expectation where both say the truth of themselves.
 """
 
 from __future__ import annotations

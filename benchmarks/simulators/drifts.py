@@ -41,8 +41,10 @@ def turned(vector: Array) -> Array:
 
 
 def autoregression(rng: np.random.Generator, frames: int, memory: float, width: int = 3) -> Array:
-    """(frames, width): of unit variance, correlated by exp(-frames / memory); memory infinite: a random walk that
-    has come as far as 1 at its end."""
+    """(frames, width): of unit variance, correlated by exp(-frames / memory).
+
+    With infinite memory, a random walk that has come as far as 1 at its end.
+    """
     steps = rng.normal(size=(frames, width))
     if np.isinf(memory):
         return np.cumsum(steps, axis=0) / np.sqrt(frames)
@@ -96,7 +98,8 @@ def drifting_scan(
         repeats: so many neighbouring frames have one pose and one image, with another pixel noise.
         still: every frame is a new hold, not a hand's path.
         both_ends: the drift shifts the needle; False: its ends drift apart from one another.
-        sigma_px, sigma_mm: noise of a point, and of both ends of the needle.
+        sigma_px: noise of a point.
+        sigma_mm: noise of both ends of the needle.
     """
     rng = np.random.default_rng(seed)
     count = -(-frames // repeats)

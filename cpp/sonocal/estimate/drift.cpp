@@ -1,5 +1,6 @@
 #include "sonocal/estimate/drift.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -27,6 +28,8 @@ constexpr double kLeastGain = 3.0;
 constexpr double kPairsEach = 1.5;
 // An offset of a frame's own may take this much of what the weights give a frame.
 constexpr double kMostTaken = 0.95;
+// A memory of less than this many frames is hardly one.
+constexpr double kLeastMemory = 0.7;
 // The priors' standard deviation, of logarithms: without it, a flat likelihood would leave no freedom at all.
 constexpr double kPriorWidth = 2.0;
 constexpr double kLeastFreedomLeft = 4.5;
@@ -121,12 +124,15 @@ class Frames {
         Matrix3d posterior = weight + (1 / fresh + next * next / later) * Matrix3d::Identity();
         if (t > 0) {
           posterior -= link * link * inverse;
-          pull += link * (inverse * carried);
+          pull += link * carried;
         }
-        determinants += std::log(posterior.determinant()) + 3 * std::log(fresh);
-        inverse = posterior.inverse();
-        left.noalias() -= pull.transpose() * (inverse * pull);
-        carried = pull;
+        // What lies along a line is known from the prior alone: an inverse by cofactors would lose the rest
+        // in it.
+        const Eigen::LLT<Matrix3d> factor(posterior);
+        determinants += 2 * factor.matrixLLT().diagonal().array().log().sum() + 3 * std::log(fresh);
+        inverse = factor.solve(Matrix3d::Identity());
+        carried = factor.solve(pull);
+        left.noalias() -= pull.transpose() * carried;
         link = next / later;
       }
     }
@@ -243,7 +249,8 @@ class Search {
   }
 
   double operator()(const Parameters& p) const {
-    if (p[kMemory] > most_memory_ || p[kMemory] < std::log(0.3) || std::abs(p[kWander]) > 40 || p[kOwn] < -40)
+    if (p[kMemory] > most_memory_ || p[kMemory] < std::log(kLeastMemory) || std::abs(p[kWander]) > 40 ||
+        p[kOwn] < -40)
       return std::numeric_limits<double>::max();
     return misfit(p).value;
   }

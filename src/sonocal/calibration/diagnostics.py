@@ -49,8 +49,8 @@ MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
 # With fewer independent errors their variance is known to no better than a third of itself; a drift that is likelier
-# by less than this (twice the logarithm) is chance in one scan of a thousand.
-ENOUGH_STRETCHES, SURE_GAIN = 30.0, 10.0
+# by less than this (twice the logarithm) is chance in one scan of a hundred.
+ENOUGH_STRETCHES, SURE_GAIN = 30.0, 8.0
 # A quarter of needles within 5 deg of the image is not chance: of random ones it is a twelfth.
 FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
@@ -182,14 +182,11 @@ def _diagnose_drift(noise: Noise) -> Iterator[Diagnostic]:
     drift, size = noise.drift, noise.shared_mm.get("stretch", 0.0)
     if drift is None:
         return
-    few = drift.stretches < ENOUGH_STRETCHES and drift.gain > SURE_GAIN
-    if not (few or size > LARGE_DRIFT * noise.row_mm):
+    few = drift.stretches < ENOUGH_STRETCHES
+    if drift.gain < SURE_GAIN or not (few or size > LARGE_DRIFT * noise.row_mm):
         return
-    guess = (
-        f"; only some {max(drift.stretches, 1.0):.0f} independent ones were seen, so that the predicted error is a guess"
-        if few
-        else ""
-    )
+    seen = f"; only some {drift.stretches:.0f} independent ones were seen, so that the predicted error is a guess"
+    guess = seen if few else ""
     yield Diagnostic(
         code="drifting-residuals",
         severity="warning",

@@ -39,7 +39,7 @@ class FixedOffset:
 def fixed_offset(
     mapped: MappedRows, chosen: NDArray[np.bool_], rotations: Array, parameters: int
 ) -> FixedOffset | None:
-    """The offset b that goes best with a small motion d of the transform:
+    """The offset b that goes best with a small motion d of the transform.
 
         r_i = P_i (J_i d + R_i b)        P_i across the line
 
