@@ -74,7 +74,7 @@ def _by_frame(table: PointLineRows, chosen: NDArray[np.bool_]) -> dict[int, int]
 
 
 def _between(a: Array, b: Array) -> tuple[Array, Array]:
-    """Angles (F,), rad, between segments (F, 2, 3), and distances (F,), mm, of the middle of one to the other's line."""
+    """Angles (F,), rad, between segments (F, 2, 3), and distances (F,), mm, of one middle to the other line."""
     along_a, along_b = (x[:, 1] - x[:, 0] for x in (a, b))
     along_a, along_b = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (along_a, along_b))
     cosine = np.clip(np.abs(np.einsum("fi,fi->f", along_a, along_b)), 0.0, 1.0)
