@@ -92,8 +92,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     known = {"known_px": table.level_px(used.sigma_px) > 0, "known_mm": table.level_mm(used.sigma_mm) > 0}
     noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
-    if rival is not None:
-        noise = replace(noise, covariance=noise.covariance + rival.covariance)
+    noise = noise if rival is None else replace(noise, covariance=noise.covariance + rival.covariance)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,

@@ -44,8 +44,8 @@ MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
 # With fewer independent errors their variance is known to no better than a third of itself; a drift that is likelier
-# by less than this (twice the logarithm) is chance in one scan of a hundred.
-ENOUGH_STRETCHES, SURE_GAIN = 30.0, 8.0
+# by less than this (twice the logarithm) is chance in some scans of a thousand.
+ENOUGH_STRETCHES, SURE_GAIN = 30.0, 10.0
 # A quarter of needles within 5 deg of the image is not chance: of random ones it is a twelfth.
 FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
