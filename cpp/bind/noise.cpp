@@ -8,6 +8,7 @@
 
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
+#include "sonocal/estimate/apparent.hpp"
 #include "sonocal/estimate/drift.hpp"
 #include "sonocal/estimate/extent.hpp"
 #include "sonocal/estimate/residual_vectors.hpp"
@@ -28,6 +29,8 @@ struct NoiseSums {
   Out<double> expected, observed, of_offsets, covariance;
   double freedom = 0;
   Drift drift;
+  Out<double> widening, moved;
+  double apparent = 0;
 };
 
 TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Options& options) {
@@ -62,7 +65,7 @@ Out<double> stacked(const std::vector<TangentMatrix>& matrices, std::size_t side
   return make_array(std::move(values), {matrices.size(), side, side});
 }
 
-// Derivatives of log variances by the levels that were estimated; geometric: by the one level there is.
+// Derivatives of log variances by those of the levels' squares that were estimated; geometric: by the one there is.
 Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options, bool known_px,
                             bool known_mm) {
   Eigen::MatrixX2d out = white.by_level;
@@ -71,8 +74,8 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
     out.col(1).setZero();
     return out;
   }
-  if (known_px) out.col(0).setZero();
-  if (known_mm) out.col(1).setZero();
+  out.col(0) *= known_px ? 0 : options.levels.px * options.levels.px;
+  out.col(1) *= known_mm ? 0 : options.levels.mm * options.levels.mm;
   return out;
 }
 
@@ -89,6 +92,7 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
   SharedErrors shared;
   WiderCovariance wider;
   Drift drift;
+  Apparent apparent;
   {
     nb::gil_scoped_release unlocked;
     const WhiteResiduals white = white_residuals(table, rows, at, options);
@@ -99,6 +103,8 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
     shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
     wider = small_sample_covariance(white, by_unknown(white, options, known_px, known_mm), of_tangent);
     if (times != nullptr) drift = drift_of(white, times, table.labels.target, of_tangent);
+    const double px_share = white.by_level.col(0).mean() * options.levels.px * options.levels.px;
+    apparent = apparent_of(white, px_share, wider.ratio_variance, of_tangent);
   }
   return {shared.kept,
           to_numpy(shared.expected),
@@ -106,7 +112,10 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
           stacked(shared.of_offsets, covariance.shape(0)),
           to_numpy(wider.covariance),
           wider.freedom,
-          drift};
+          drift,
+          to_numpy(apparent.widening),
+          to_numpy(apparent.moved),
+          apparent.share};
 }
 
 int py_stretch_length(const In<double, nb::shape<-1, 3>>& residuals, const Codes& frames) {
@@ -151,7 +160,10 @@ void bind_noise(nb::module_& m) {
       .def_ro("of_offsets", &NoiseSums::of_offsets, owned)
       .def_ro("covariance", &NoiseSums::covariance, owned)
       .def_ro("freedom", &NoiseSums::freedom)
-      .def_ro("drift", &NoiseSums::drift);
+      .def_ro("drift", &NoiseSums::drift)
+      .def_ro("widening", &NoiseSums::widening, owned)
+      .def_ro("moved", &NoiseSums::moved, owned)
+      .def_ro("apparent", &NoiseSums::apparent);
   nb::class_<Extent>(m, "Extent")
       .def_ro("direction_spread", &Extent::direction_spread)
       .def_ro("meeting_distance", &Extent::meeting_distance)

@@ -118,11 +118,12 @@ def test_a_file_of_version_1_is_read_and_its_auto_parts_the_rows_as_it_did():
 
 
 def test_a_file_of_version_1_is_what_the_same_rows_give_today():
+    """But for what later versions do better: a small part of what the file says that it may be off by."""
     found, today = sc.load(OLD), sc.calibrate(sc.read_observations(TABLE), threshold_mm="auto")
-    np.testing.assert_allclose(
-        today.probe_from_image.matrix, found.probe_from_image.matrix, rtol=1e-9, atol=1e-9
-    )
-    np.testing.assert_allclose(today.covariance, found.covariance, rtol=1e-6, atol=1e-12)
+    places, rms, _ = found.predicted_errors()
+    moved = np.linalg.norm(today.probe_from_image @ places - found.probe_from_image @ places, axis=1)
+    assert np.all(moved < 0.2 * rms)
+    np.testing.assert_allclose(today.predicted_errors()[1], rms, rtol=0.05)
     assert today.provenance["sha256"] == found.provenance["sha256"]
 
 

@@ -38,7 +38,7 @@ def test_of_a_mirrored_pair_the_better_is_the_fit():
     rng, truth = np.random.default_rng(3), random_similarity(3, scale=0.24)
     points = rng.uniform(0, 500, (30, 2))
     middle = truth @ points + 0.3 * rng.normal(size=(30, 3))
-    along = 100 * (truth.rotation[:, 2] + 0.005 * rng.normal(size=(30, 3)))
+    along = 100 * (truth.rotation[:, 2] + 0.01 * rng.normal(size=(30, 3)))
     rows = sc.Observations(points, np.stack([middle - along, middle + along], axis=1))
     table, fit, mirrored = fit_rows(rows, Options())
     assert mirrored is not None

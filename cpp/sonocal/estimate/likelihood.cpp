@@ -84,13 +84,13 @@ Pass pass_over(const NoiseModel& noise, const Transform& at, Variances levels, i
   Pass pass(noise.rows().dimension());
   IndependentBlock block;
   Block lost;
-  NoiseBlocks blocks(noise, at, levels, step);
+  NoiseBlocks blocks(noise, at, levels, step, !for_levels);
   while (blocks.next(block)) {
     pass.residuals += 2 * block.count;
     const bool loses = robustify(block, lost);
     pass.fit.add(block);
     if (!for_levels) {
-      if (noise.rows().dimension() == 3) pass.fit.add_linear(block, block.pull, block.column_pull);
+      pass.fit.add_linear(block, block.pull, block.column_pull);
       continue;
     }
     if (loses) {

@@ -88,11 +88,16 @@ SONOCAL_WIDEST_VECTORS void weigh_alike(const Mapping& given, IndependentBlock& 
 }
 
 // Points of a 2D probe: the planes turn to where the pixel noise across the needle is greatest and least.
+//
+// With z = V^-1 r, across the needle, half the derivative of r' V^-1 r through V = a N'SS'N + b beta I is
+//     -a (z . s_c) z by a column s_c of S,    -b |z|^2 tau / (2 half length) by the place along the needle.
+template <bool kPulls>
 SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& places,
                                          IndependentBlock& block) {
   const Mapping m = given;
   const int count = block.count;
-#pragma omp simd
+  double p0 = 0, p1 = 0, p2 = 0, q0 = 0, q1 = 0, q2 = 0;
+#pragma omp simd reduction(+ : p0, p1, p2, q0, q1, q2)
   for (int i = 0; i < count; ++i) {
     const double x = block.x[0][i], y = block.x[1][i], z = block.x[2][i];
     const double n0 = block.normal[0][0][i], n1 = block.normal[0][1][i], n2 = block.normal[0][2][i];
@@ -125,7 +130,26 @@ SONOCAL_WIDEST_VECTORS void weigh_across(const Mapping& given, const Places& pla
     weigh(m, 0, i, block);
     weigh(m, 1, i, block);
     block.huber[i] = huber_of(squared_distance(block, i), 1);
+    if constexpr (kPulls) {
+      const double z0 = block.residual[0][i] * block.weight[0][i];
+      const double z1 = block.residual[1][i] * block.weight[1][i];
+      const double by_place =
+          -0.5 * block.huber[i] * (z0 * z0 + z1 * z1) * m.b * fm * tau / places.half_length[i];
+      block.pull[0][i] = by_place * d0;
+      block.pull[1][i] = by_place * d1;
+      block.pull[2][i] = by_place * d2;
+      const double w0 = z0 * block.normal[0][0][i] + z1 * block.normal[1][0][i];
+      const double w1 = z0 * block.normal[0][1][i] + z1 * block.normal[1][1][i];
+      const double w2 = z0 * block.normal[0][2][i] + z1 * block.normal[1][2][i];
+      const double by_pixel = -block.huber[i] * m.a * fp;
+      const double along_u = by_pixel * (w0 * m.s[0][0] + w1 * m.s[1][0] + w2 * m.s[2][0]);
+      const double along_v = by_pixel * (w0 * m.s[0][1] + w1 * m.s[1][1] + w2 * m.s[2][1]);
+      p0 += along_u * w0, p1 += along_u * w1, p2 += along_u * w2;
+      q0 += along_v * w0, q1 += along_v * w1, q2 += along_v * w2;
+    }
   }
+  block.column_pull[0] = Vector3d(p0, p1, p2);
+  block.column_pull[1] = Vector3d(q0, q1, q2);
 }
 
 // Pixel noise of all rows grows as the squared scale does, which is a third of the columns' squares.
@@ -271,7 +295,7 @@ void NoiseBlocks::take_singles(IndependentBlock& block) {
   if (model_.kind_ == NoiseModel::Kind::kAlike)
     weigh_alike(Mapping(at_, levels_), block);
   else
-    weigh_across(Mapping(at_, levels_), places, block);
+    (pulls_ ? weigh_across<true> : weigh_across<false>)(Mapping(at_, levels_), places, block);
 }
 
 void NoiseBlocks::take_pairs(IndependentBlock& block) {

@@ -35,9 +35,9 @@ struct IndependentBlock : Block {
   alignas(64) double huber[kRows];  // sightings that are too far off count less by this
   int first_row[kRows];             // the table's first row of the sighting
 
-  // 3D probes: of sum r^2 / v half the derivative through the variances v, by S x + h t of every row, and by
-  // the columns of S besides. A fit that leaves it out takes noise in a needle's direction for a reason to
-  // shrink. Of points of a 2D probe, which see no direction, there is nothing to gain from it.
+  // Of sum r^2 / v half the derivative through the variances v, by S x + h t of every row, and by the columns
+  // of S besides. A fit that leaves it out takes noise in a needle's direction, and of needles through a narrow
+  // port noise of any kind, for a reason to shrink.
   alignas(64) double pull[3][kRows];
   Vector3d column_pull[3];
 };
@@ -91,8 +91,10 @@ class NoiseModel {
 // The independent rows of every n-th sighting, block after block.
 class NoiseBlocks {
  public:
-  NoiseBlocks(const NoiseModel& model, const Transform& at, Variances levels, int step = 1)
-      : model_(model), at_(at), levels_(levels), step_(step) {}
+  // pulls: of points of a 2D probe, too.
+  NoiseBlocks(const NoiseModel& model, const Transform& at, Variances levels, int step = 1,
+              bool pulls = false)
+      : model_(model), at_(at), levels_(levels), step_(step), pulls_(pulls) {}
   bool next(IndependentBlock& block);  // false: there are no more
 
  private:
@@ -112,6 +114,7 @@ class NoiseBlocks {
   const Transform at_;
   const Variances levels_;
   const std::size_t step_;
+  const bool pulls_;
   std::size_t single_ = 0, pair_ = 0, other_ = 0;
   std::vector<Combination> waiting_;
 };

@@ -108,10 +108,13 @@ WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen
                                         const TangentMatrix& covariance) {
   Eigen::MatrixX2d levels(by_level.rows(), kLevels);
   int count = 0;
+  SmallVector by_share(kLevels);  // the logarithm of the levels' ratio, by each level's part of the variance
   for (int i = 0; i < kLevels; ++i)
-    if (const double size = by_level.col(i).cwiseAbs().maxCoeff(); size > 0)
+    if (const double size = by_level.col(i).cwiseAbs().maxCoeff(); size > 0) {
+      by_share[count] = (i == 0 ? 1 : -1) / size;
       levels.col(count++) = by_level.col(i) / size;
-  if (count == 0) return {covariance, std::numeric_limits<double>::infinity()};
+    }
+  if (count == 0) return {covariance, std::numeric_limits<double>::infinity(), 0};
   const Sums sums = sums_of(white, levels, count);
   TangentMatrix share[kLevels];
   SmallMatrix information(count, count);
@@ -139,7 +142,10 @@ WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen
     }
   const TangentMatrix symmetric = 0.5 * (wider + wider.transpose());
   const Scaled scaled = f_distribution(static_cast<double>(covariance.rows()), first, second);
-  return {symmetric / scaled.factor, scaled.freedom};
+  double ratio_variance = 0;
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j < count; ++j) ratio_variance += by_share[i] * spread(i, j) * by_share[j];
+  return {symmetric / scaled.factor, scaled.freedom, ratio_variance};
 }
 
 }  // namespace sonocal

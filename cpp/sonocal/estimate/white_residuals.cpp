@@ -22,6 +22,44 @@ Eigen::Matrix<double, 1, kParameters> residual_jacobian(const Vector3d& n, const
   return j;
 }
 
+// Where a segment's middle is along its direction, and half its length.
+struct Needle {
+  double middle, half_length;
+};
+
+// Sums over residuals r = n . (S x + h t) + h o with variance v = A + B, A of pixels and B of the segment's ends.
+//
+// A pixel's noise e adds n . dS e to the derivative J of r, the direction's noise q = -(n . q) d . d(S x + h t): both
+// are in J'J, and in J'r, too, where the derivatives of A and B take them out as long as the levels are right.
+template <int kParameters>
+struct NoiseInJacobian {
+  using Row = Eigen::Matrix<double, 1, kParameters>;
+  Eigen::Matrix<double, kParameters, kParameters> px = Eigen::Matrix<double, kParameters, kParameters>::Zero();
+  Eigen::Matrix<double, kParameters, kParameters> mm = px;
+  Eigen::Matrix<double, kParameters, 1> by_ratio = Eigen::Matrix<double, kParameters, 1>::Zero();
+
+  // px, mm: the squared levels of the row's point and segment.
+  void add(const Vector3d& n, const Vector3d& d, const Vector3d& x, double h, const Needle& needle,
+           const Matrix3d& s, const Vector3d& t, int dimension, double weight, double a, double b) {
+    const Vector3d y = s * x + h * t;
+    const double tau = (d.dot(y) - h * needle.middle) / needle.half_length;
+    const Row along = residual_jacobian<kParameters>(d, x, h, s);
+    Row by_px = Row::Zero();  // half the derivative of A
+    double of_px = 0;
+    for (int axis = 0; axis < dimension; ++axis) {
+      const Row of_axis = residual_jacobian<kParameters>(n, Vector3d::Unit(axis), 0, s);
+      const double seen = n.dot(s.col(axis));
+      px += (weight * a) * of_axis.transpose() * of_axis;
+      by_px += (a * seen) * of_axis;
+      of_px += a * seen * seen;
+    }
+    const double length = needle.half_length, of_direction = 0.5 * b / (length * length);
+    mm += (weight * of_direction) * along.transpose() * along;
+    const double of_mm = 1 / weight - of_px;
+    by_ratio += weight * weight * (of_px * (0.5 * b * tau / length) * along - of_mm * by_px).transpose();
+  }
+};
+
 template <int kParameters>
 WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& at, const Options& options) {
   const PointLines rows(table.points, table.segments, table.rows, table.dimension);
@@ -46,6 +84,8 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
   out.residual.resize(count);
   out.by_level.setZero(count, 2);
   out.row.reserve(count);
+  const Matrix3d linear = normalised.linear();
+  NoiseInJacobian<kParameters> in_jacobian;
   NoiseBlocks blocks(noise, normalised, levels);
   IndependentBlock block;
   int to = 0;
@@ -58,10 +98,20 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
         if (!alike) out.by_level.row(to) << block.alpha[k][i] * px * weight, block.beta[k][i] * mm * weight;
         out.residual[to] = root * block.residual[k][i];
         out.jacobian.row(to) =
-            root * residual_jacobian<kParameters>(normal, x, block.h[i], normalised.linear()) * from_original;
+            root * residual_jacobian<kParameters>(normal, x, block.h[i], linear) * from_original;
         out.shift.row(to) = (root * block.h[i] / n.size) * normal.transpose();
-        out.row.push_back(block.first_row[i]);
+        const int row = block.first_row[i];
+        out.row.push_back(row);
+        if (alike) continue;
+        const double fp = table.dimension == 2 && table.noise.px ? table.noise.px[row] : 1;
+        const double fm = table.noise.mm ? table.noise.mm[row] : 1;
+        in_jacobian.add(normal, rows.direction(row), x, block.h[i],
+                        {rows.middle(row), rows.half_length(row)}, linear, normalised.translation,
+                        table.dimension, weight, levels.px * fp * fp, levels.mm * fm * fm);
       }
+  out.from_noise[0] = from_original.transpose() * in_jacobian.px * from_original;
+  out.from_noise[1] = from_original.transpose() * in_jacobian.mm * from_original;
+  out.by_ratio = from_original.transpose() * in_jacobian.by_ratio;
   return out;
 }
 

@@ -23,6 +23,7 @@ from sonocal.findings import Findings
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.ambiguity import rival_of
+from sonocal.registration.degeneracy import refuse_apparent
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import estimate_noise
 
@@ -91,6 +92,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     groupings = groupings_of(table, rows)
     known = {"known_px": table.level_px(used.sigma_px) > 0, "known_mm": table.level_mm(used.sigma_mm) > 0}
     noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known)
+    refuse_apparent(table, fit.inlier, noise.apparent)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     noise = noise if rival is None else replace(noise, covariance=noise.covariance + rival.covariance)
     found = Calibration(

@@ -57,18 +57,17 @@ def diagnose_weakness(
     if worst_mm <= tolerance_mm:
         return
     corner = "an image corner" if area == "image" else f"a corner of the {area}"
-    near = near or NearDegeneracy(
-        "the sightings hold it too loosely",
-        "add sightings, above all near the image's corners and with other tilts",
-    )
+    cause = near.cause if near else "the sightings hold it too loosely"
     yield Diagnostic(
         code="weak-motion",
         severity="warning",
         message=(
             f"the predicted error reaches {worst_mm:.1f} mm (95 %) at {corner}, more than the "
-            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {near.cause}"
+            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {cause}"
         ),
-        advice=near.advice,
+        advice=near.advice
+        if near
+        else "add sightings, above all near the image's corners and with other tilts",
     )
 
 

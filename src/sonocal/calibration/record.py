@@ -32,6 +32,7 @@ class Sigma(msgspec.Struct):
     shared_mm: dict[str, float]
     freedom: int
     drift: Drift | None = None
+    apparent: float = 0.0
 
 
 class Record(msgspec.Struct, kw_only=True):

@@ -11,6 +11,7 @@ from sonocal.registration.degeneracy import (
     near_degeneracy,
     refuse_degenerate_lines,
     refuse_free_motion,
+    refuse_nearly_degenerate,
 )
 from sonocal.registration.fit import Fit
 from sonocal.registration.mirrored import refuse_mirrored_volume
@@ -49,12 +50,18 @@ def _best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
     # hide it, are known.
     refuse_degenerate_lines(rows)
-    fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
+    try:
+        fit, mirrored = better_of_mirrored(rows, fit_point_lines(rows, options))
+    except NoConsensusError as error:
+        refuse_nearly_degenerate(rows, str(error))
+        raise
     if not fit.inlier.any():
         _refuse_scattered(rows, fit)
     if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)
+    if not fit.converged:
+        refuse_nearly_degenerate(rows, "the refinement did not come to rest")
     if np.count_nonzero(fit.inlier) < min(MINIMAL_ROWS, len(rows)):
         _refuse_scattered(rows, fit)
     return fit, mirrored
@@ -67,8 +74,9 @@ def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
     if near is not None:
         raise DegenerateGeometryError(
             f"only {agreeing} once refined; check which tool's transform carried the lines, which way it goes, "
-            f"and that rows and poses are of the same instant; where they are, {near.advice}: {near.cause}",
-            code="free-motion",
+            f"and that rows and poses are of the same instant; where they are: {near.cause}, and of lines that did so exactly "
+            f"{near.free}; {near.advice}",
+            code=near.code,
         )
     raise NoConsensusError(
         f"only {agreeing} once refined; check that rows are matched to the right needle poses",

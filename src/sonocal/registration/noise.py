@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import Any
 
@@ -48,6 +48,8 @@ class Noise:
         freedom: as many residuals to spare would make a known weighting as sure as this covariance is.
         sigma_px: of an image point, px, where the weights are the likelihood's; else None.
         sigma_mm: of a segment's end point, mm; likewise.
+        apparent: of what the rows seem to say of the motion that they hold least, how much noise alone may have given:
+            from 0; at 1 nothing else need be there.
         shared_mm: by grouping ("frame", "target", "stretch"), of an offset that all rows of a group share. A
             grouping that the data cannot tell from the rest is absent.
         drift: what is shared by stretches of frames; None where neighbours have nothing in common.
@@ -58,6 +60,7 @@ class Noise:
     freedom: int
     sigma_px: float | None = None
     sigma_mm: float | None = None
+    apparent: float = 0.0
     shared_mm: dict[str, float] = field(default_factory=dict)
     drift: Drift | None = None
 
@@ -88,6 +91,9 @@ def estimate_noise(
     to their expectations after the fit has taken its part (analysis of variance with the fit's 7 or 8
     parameters as covariates). Neighbouring frames may share an offset that wanders: an autoregression of the first
     order, by restricted maximum likelihood, whose shape says how many independent errors there were.
+
+    Noise is in J, too. An answer that is freed of its pull (`fit_point_lines`) is less sure than J'J says, which
+    holds the noise's square; that is taken out, and what is unknown of the levels' ratio is added.
 
     Args:
         rows: points and lines.
@@ -132,8 +138,10 @@ def estimate_noise(
         covariance = covariance + drift.unit * drift.of_offsets
         # Student's t of few freedom has this variance, and nearly the normal's 95 % in units of it.
         covariance = covariance * drift.freedom / (drift.freedom - 2.0)
+    covariance = sums.widening @ covariance @ sums.widening.T + np.outer(sums.moved, sums.moved)
     squares = float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / freedom
     row_mm = sqrt(squares * unit * freedom / total) if total > 0 else 0.0
+    apparent = sums.apparent if weighted else _apparent_of_unweighted(rows, fit, row_mm)
     names = list(groupings)
     shared_mm = {names[sums.kept[place]]: sqrt(variance) for place, variance in variances.items()}
     wandering = None
@@ -142,7 +150,19 @@ def estimate_noise(
         wandering = Drift(drift.memory, drift.stretches, drift.gain)
     # One level alone leaves a whole number to rounding: 5 must not come out as 4.
     whole = int(min(freedom, sums.freedom * (1.0 + 1e-9)))
-    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, shared_mm, wandering)
+    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, apparent, shared_mm, wandering)
+
+
+def _apparent_of_unweighted(rows: PointLineRows, fit: Fit, row_mm: float) -> float:
+    """Of a fit that knows no levels: such as give residuals of this size (mm per axis), whatever their ratio."""
+    if not row_mm > 0:
+        return 0.0
+    levels = row_mm / (sqrt(2.0) * float(fit.transform.scales.mean())), row_mm
+    options = replace(fit.options, weighting="likelihood").to_core(*levels)
+    covariance = row_mm**2 * fit.covariance
+    return _core.noise_sums(
+        rows.core, fit.inlier, to_core(fit.transform), options, covariance, [], known_px=False, known_mm=False
+    ).apparent
 
 
 def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
