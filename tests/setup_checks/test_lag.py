@@ -13,6 +13,7 @@ from sonocal.calibration import point_line_rows
 from sonocal.recording import with_latency
 from sonocal.setup_checks import Refused, refusal_findings
 from sonocal.setup_checks.lag_search import find_lag
+from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.lines_in_time import LinesInTime, RowsInTime
 from sonocal.sweep import calibrate_points
 from sonocal.sweep.suspects import CHANGES
@@ -75,7 +76,8 @@ def test_when_the_clock_started_changes_no_lag(seed, start):
 @settings(max_examples=10)
 @given(seeds, st.sampled_from(["fast", "slow", "still"]), st.sampled_from([0.0, 0.9]))
 def test_sound_scans_and_drifts_have_no_lag(seed, hands, memory):
-    assert lag_in(late_scan(seed, hands, 0.0, memory=memory).observations) is None
+    lag = lag_in(late_scan(seed, hands, 0.0, memory=memory).observations)
+    assert lag is None or lag.moved_mm < LEAST_LAG_MM  # which nobody is told
 
 
 def test_a_steady_motion_stays_one_whatever_the_stamps():

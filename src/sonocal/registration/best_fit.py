@@ -74,8 +74,8 @@ def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
     if near is not None:
         raise DegenerateGeometryError(
             f"only {agreeing} once refined; check which tool's transform carried the lines, which way it goes, "
-            f"and that rows and poses are of the same instant; where they are: {near.cause}, and of lines that did so exactly "
-            f"{near.free}; {near.advice}",
+            f"and that rows and poses are of the same instant; where they are: {near.cause}, and of lines that "
+            f"did so exactly {near.free}; {near.advice}",
             code=near.code,
         )
     raise NoConsensusError(
