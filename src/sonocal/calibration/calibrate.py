@@ -16,7 +16,7 @@ from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import image_area, known_image_size, split_rows
+from sonocal.calibration.rows import image_area, known_image_size, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import require
 from sonocal.findings import Findings
@@ -90,8 +90,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
     groupings = groupings_of(table, rows)
-    known = {"known_px": table.level_px(used.sigma_px) > 0, "known_mm": table.level_mm(used.sigma_mm) > 0}
-    noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known)
+    noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
     refuse_apparent(table, fit.inlier, noise.apparent)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     noise = noise if rival is None else replace(noise, covariance=noise.covariance + rival.covariance)

@@ -8,7 +8,7 @@ from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.noise import residual_vectors
-from sonocal.registration.options import Model
+from sonocal.registration.options import Model, Options
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 
@@ -16,6 +16,7 @@ __all__ = [
     "check_rows",
     "image_area",
     "known_image_size",
+    "known_levels",
     "line_distances",
     "point_line_rows",
     "split_rows",
@@ -108,6 +109,14 @@ def image_area(points_px: Array, size_px: tuple[int, ...] | None) -> tuple[Array
     """The box (2, d), px, that holds points (N, d), and the image's, which is that box where its size is not known."""
     seen = np.array([points_px.min(axis=0), points_px.max(axis=0)])
     return seen, seen if size_px is None else np.array([np.zeros(len(size_px)), np.asarray(size_px) - 1.0])
+
+
+def known_levels(table: PointLineRows, options: Options) -> dict[str, bool]:
+    """Which noise levels are given, and not to be found in the residuals; as `estimate_noise` takes it."""
+    return {
+        "known_px": table.level_px(options.sigma_px) > 0,
+        "known_mm": table.level_mm(options.sigma_mm) > 0,
+    }
 
 
 def line_distances(probe_from_image: AxisScaled, rows: Observations) -> Array:
