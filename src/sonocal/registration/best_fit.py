@@ -9,6 +9,7 @@ from sonocal.registration.ambiguity import better_of_mirrored
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
     near_degeneracy,
+    nearly_degenerate,
     refuse_degenerate_lines,
     refuse_free_motion,
     refuse_nearly_degenerate,
@@ -39,7 +40,8 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     try:
         return _best_fit(rows, options)
     except (NoConsensusError, DegenerateGeometryError) as refusal:
-        if rows.dimension == 3:
+        # Rows that hold a motion loosely fit a mirrored volume as well.
+        if rows.dimension == 3 and nearly_degenerate(rows) is None:
             agreed = getattr(refusal, "best_count", 0)
             refuse_mirrored_volume(rows, options, agreed, lambda *other: _best_fit(*other)[0])
         raise
@@ -69,8 +71,9 @@ def _best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
 
 def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
     """Raise for rows that agreed with a minimal sample, and agree no more with what fits all of them best."""
-    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
     agreeing = f"{np.count_nonzero(fit.inlier)} of {len(rows)} rows are within {fit.threshold_mm:.3g} mm of their lines"
+    refuse_nearly_degenerate(rows, f"only {agreeing} once refined")
+    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
     if near is not None:
         raise DegenerateGeometryError(
             f"only {agreeing} once refined; check which tool's transform carried the lines, which way it goes, "

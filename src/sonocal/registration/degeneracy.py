@@ -16,6 +16,7 @@ __all__ = [
     "NearDegeneracy",
     "direction_spread",
     "near_degeneracy",
+    "nearly_degenerate",
     "refuse_apparent",
     "refuse_degenerate_lines",
     "refuse_free_motion",
@@ -145,6 +146,12 @@ def near_degeneracy(rows: PointLineRows, chosen: NDArray[np.bool_]) -> NearDegen
     return nearest if nearest.nearness < 1 else None
 
 
+def nearly_degenerate(rows: PointLineRows) -> NearDegeneracy | None:
+    """The configuration that all rows are so near to that no fit of them can be sound; None where there is none."""
+    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
+    return near if near is not None and near.nearness < NEAREST else None
+
+
 def refuse_nearly_degenerate(rows: PointLineRows, found: str) -> None:
     """Raise if all rows are so near to a configuration of section 7 that no fit of them can be sound.
 
@@ -155,8 +162,8 @@ def refuse_nearly_degenerate(rows: PointLineRows, found: str) -> None:
     Raises:
         DegenerateGeometryError: with the configuration's code.
     """
-    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
-    if near is not None and near.nearness < NEAREST:
+    near = nearly_degenerate(rows)
+    if near is not None:
         raise DegenerateGeometryError(
             f"{near.cause}, and of lines that did so exactly {near.free}; {found.partition(';')[0]}; {near.advice}",
             code=near.code,

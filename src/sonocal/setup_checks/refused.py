@@ -9,6 +9,7 @@ import numpy as np
 
 from sonocal.findings import DECISIVE, Diagnostic, warnings_first
 from sonocal.observations import Observations
+from sonocal.registration.degeneracy import nearly_degenerate
 from sonocal.registration.mirrored import mirrored_volume
 from sonocal.registration.options import Model
 from sonocal.registration.rows import PointLineRows
@@ -53,7 +54,7 @@ def check_late(refused: Refused) -> Iterator[Diagnostic]:
 
 def check_mirrored(refused: Refused) -> Iterator[Diagnostic]:
     """A volume that fits once it is mirrored."""
-    if refused.table.dimension != 3:
+    if refused.table.dimension != 3 or nearly_degenerate(refused.table) is not None:
         return
     fit = quick_fit(mirrored_volume(refused.table), refused.threshold_mm)
     if fit is None or not np.mean(fit.inlier) > GOOD_SHARE:
