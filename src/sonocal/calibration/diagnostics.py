@@ -26,6 +26,7 @@ from sonocal.registration.uncertainty import (
     SIGNIFICANT,
     WeakMotion,
     point_covariance,
+    quantile_95,
     radius_95,
     weakest_motion,
 )
@@ -53,7 +54,7 @@ FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
 
 def diagnose_weakness(
-    motion: WeakMotion, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None
+    motion: WeakMotion, freedom: float, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None
 ) -> Iterator[Diagnostic]:
     """The motion that the data hold least, when the predicted error exceeds what the user accepts."""
     if worst_mm <= tolerance_mm:
@@ -67,7 +68,7 @@ def diagnose_weakness(
         severity="warning",
         message=(
             f"the predicted error reaches {worst_mm:.1f} mm (95 %) at an image corner, more than the "
-            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {near.cause}"
+            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion, freedom)}: {near.cause}"
         ),
         advice=near.advice,
     )
@@ -110,19 +111,25 @@ def diagnose_image_plane(rotation: Array, directions: Array) -> Iterator[Diagnos
     )
 
 
-def describe_motion(motion: WeakMotion) -> str:
-    """The motion in words, at 95 %: which turn, shift or growth, by how much, and what it does in mm."""
+def describe_motion(motion: WeakMotion, freedom: float) -> str:
+    """The motion in words, at 95 %: which turn, shift or growth, how well that is known, and what the motion does.
+
+    Args:
+        motion: the loosest.
+        freedom: residuals to spare that its covariance rests on.
+    """
+    sure = quantile_95(freedom)
     parts = {
         motion.turn_rms_mm: (
             f"rotation about {_axis(motion.turn_rad)}, known to "
-            f"+-{NORMAL_95 * np.degrees(np.linalg.norm(motion.turn_rad)):.2g} deg"
+            f"+-{np.degrees(sure * motion.turn_deviation_rad):.2g} deg"
         ),
         motion.shift_rms_mm: (
-            f"shift along {_axis(motion.shift_mm)}, known to +-{NORMAL_95 * motion.shift_rms_mm:.2g} mm"
+            f"shift along {_axis(motion.shift_mm)}, known to +-{sure * motion.shift_deviation_mm:.2g} mm"
         ),
-        motion.growth_rms_mm: f"scale, known to +-{NORMAL_95 * 100 * np.abs(motion.growth).max():.2g} %",
+        motion.growth_rms_mm: f"scale, known to +-{100 * sure * motion.growth_deviation:.2g} %",
     }
-    return f"{parts[max(parts)]} (it moves the corners by {NORMAL_95 * motion.rms_mm:.2g} mm)"
+    return f"{parts[max(parts)]} (it moves the corners by {sure * motion.rms_mm:.2g} mm)"
 
 
 def diagnose_anisotropy(scales: Array, covariance: Array) -> Iterator[Diagnostic]:
@@ -271,7 +278,7 @@ def weakness_findings(
         return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
     near = near_degeneracy(table, fit.inlier)
-    yield from diagnose_weakness(motion, worst, tolerance_mm, near)
+    yield from diagnose_weakness(motion, noise.freedom, worst, tolerance_mm, near)
 
 
 def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) -> Iterator[Diagnostic]:

@@ -15,6 +15,7 @@ from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.geometry import similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
+from sonocal.registration.uncertainty import scale_95
 from sonocal.simulation.scene import SimulatedSightings
 from sonocal.validation import give_verdict
 
@@ -133,7 +134,8 @@ def _matrix(calibration: Calibration) -> RenderableType:
     if calibration.model == "similarity":
         scale = f"{scales[0]:.5f} mm/px"
         if calibration.covariance is not None:
-            scale += f" +- {100 * 1.96 * calibration.covariance[6, 6] ** 0.5:.2f} % (95 %)"
+            known = scale_95(calibration.covariance, calibration.noise.freedom)
+            scale += f" +- {100 * known:.2g} % (95 %)"
     else:
         scale = f"{scales[0]:.5f} mm/px along u, {scales[1]:.5f} mm/px along v"
     return Group(
