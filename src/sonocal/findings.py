@@ -26,6 +26,7 @@ CODES = {
     "many-outliers": "many rows or poses were left out",
     "not-converged": "the refinement did not come to rest",
     "held-out-rows-off": "held-out rows are further off than the fit explains",
+    "held-out-rows-far-off": "held-out rows are off by far more than is accepted",
     # setup_checks
     "latency": "image and tracker are not of the same instant",
     "marker-slipped": "the marker moved on the probe during the scan",
@@ -63,6 +64,9 @@ CODES = {
     "wobbling-axis": "the axis wobbles",
     # validation
     "not-computed": "a quantity could not be computed",
+    "points-off": "points are further from where they are known to be than predicted",
+    "points-far-off": "points are off by far more than is accepted",
+    "calibrations-differ": "two calibrations differ by more than their uncertainty",
 }
 
 # Codes of `DegenerateGeometryError`: data that leave a motion free are refused.

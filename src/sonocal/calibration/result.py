@@ -24,6 +24,9 @@ from sonocal.registration.noise import Noise
 from sonocal.registration.options import Model
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
+# As many residuals as the core can count.
+MOST_FREEDOM = 2**31
+
 __all__ = ["Calibration", "calibration_json", "load_calibration", "parse_calibration"]
 
 
@@ -228,6 +231,8 @@ def _from_record(record: Record) -> Calibration:
         raise ValueError(f"covariance has shape {covariance.shape} and not ({parameters}, {parameters})")
     if covariance is not None and not _is_covariance(covariance):
         raise ValueError("covariance is none: it is not finite, not symmetric, or of less than nothing")
+    if not 0 <= record.sigma.freedom <= MOST_FREEDOM:
+        raise ValueError(f"sigma.freedom is {record.sigma.freedom} and not from 0 to {MOST_FREEDOM}")
     residuals, inlier = np.array(record.residuals_mm), np.array(record.inlier, dtype=bool)
     if residuals.shape != inlier.shape:
         raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")

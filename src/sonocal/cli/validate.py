@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,6 +92,7 @@ def validate(
     from sonocal.calibration import load_calibration
     from sonocal.cli.report import report_files
     from sonocal.files import read_bytes, write_into_folder
+    from sonocal.validation.measured import comparison_findings
 
     found = load_calibration(calibration)
     folder = calibration.parent if output is None else output
@@ -104,6 +106,9 @@ def validate(
     }
     numbers, rows = _numbers(found, content, table.name, known=known, **options)
     comparison = None if other is None else _compared(found, other)
+    if comparison is not None:
+        found_too = comparison_findings(found, comparison)
+        numbers = replace(numbers, diagnostics=(*numbers.diagnostics, *found_too))
     files = report_files(found, rows, numbers, comparison) if report else {}
     write_into_folder(folder, files)
     if as_json:

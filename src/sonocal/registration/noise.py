@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ __all__ = ["Noise", "estimate_noise", "residual_vectors", "stretch_length"]
 
 # The place of the rows' own variance beside those of groupings, which count from 0.
 OWN = -1
+# Of a covariance; the core takes no larger one, and no such one means anything.
+MOST = 1e60
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def estimate_noise(
     freedom = 2 * int(np.count_nonzero(fit.inlier)) - k
     weighted = fit.weighting == "likelihood"
     sigma_px, sigma_mm = (fit.sigma_px, fit.sigma_mm) if weighted else (None, None)
-    if freedom <= 0 or not isfinite(fit.covariance.sum()):
+    if freedom <= 0 or not np.abs(fit.covariance).max() < MOST:
         return Noise(np.nan, np.full((k, k), np.nan), 0, sigma_px, sigma_mm)
     sums = _core.noise_sums(
         rows.core,

@@ -15,6 +15,10 @@ from sonocal.registration.uncertainty import point_covariance, radius_95
 __all__ = ["Comparison", "compare"]
 
 
+# Below it no number of a test means anything.
+LEAST_P = 1e-4
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """How far apart two calibrations put the image.
@@ -67,7 +71,11 @@ class Comparison:
             else "over the whole image no more than their uncertainty explains"
         )
         distance = f"{self.distance_mm[worst]:.2f} mm, at ({at}) px"
-        return f"They differ by up to {distance}: {verdict} (p = {self.p_value:.2g})."
+        return f"They differ by up to {distance}: {verdict} ({_p(self.p_value)})."
+
+
+def _p(value: float) -> str:
+    return f"p = {value:.2g}" if value >= LEAST_P else f"p < {LEAST_P:g}"
 
 
 def compare(first: Calibration, second: Calibration) -> Comparison:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sonocal.calibration import Calibration
+from sonocal.calibration.held_out import FAR
 from sonocal.findings import Diagnostic
 from sonocal.validation.whole import Validation
 
@@ -19,9 +20,18 @@ SPOILING = {
     "marker-slipped",
     "wrong-tool-frame",
     "wrong-end-of-needle",
+    "held-out-rows-far-off",
+    "points-far-off",
 }
-# Beyond this many times what the user accepts, care does not help.
-HOPELESS = 3.0
+# Findings that measured an error beyond the predicted one.
+BEYOND_PREDICTED = {
+    "held-out-rows-off",
+    "held-out-rows-far-off",
+    "points-off",
+    "points-far-off",
+    "calibrations-differ",
+}
+HOPELESS = FAR
 # Codes of reasons that are no findings.
 NO_PREDICTION, HOPELESS_ERROR = "no-predicted-error", "predicted-error-beyond-tolerance"
 
@@ -74,6 +84,8 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
         f"Expect errors of the calibration up to {worst:.1f} mm at the image's corners and {centre:.1f} mm at its "
         "centre (95 %)."
     )
+    if any(code in BEYOND_PREDICTED for code, _ in why):
+        expectation += " What was measured says otherwise."
     tolerance = calibration.options.tolerance_mm
     hopeless = not worst <= HOPELESS * tolerance
     if hopeless:

@@ -21,6 +21,7 @@ from sonocal.validation.held_out import (
     leave_one_frame_out,
     leave_one_target_out,
 )
+from sonocal.validation.measured import point_findings
 from sonocal.validation.nwire import nwire_error
 from sonocal.validation.point_table import PointSightings
 from sonocal.validation.quantity import Quantity
@@ -148,9 +149,10 @@ def validate_points(calibration: Calibration, sightings: PointSightings) -> Vali
         attempts.run("PRA", lambda: reconstruction_accuracy(calibration.probe_from_image, sightings))
     if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
         attempts.run("spread", lambda: fixed_point_spread(calibration.probe_from_image, sightings))
-    return Validation(
-        tuple(attempts.quantities), tuple(attempts.failures), None, sightings.source, sightings.sha256
-    )
+    findings = list(attempts.failures)
+    for measured in attempts.quantities:
+        findings += point_findings(calibration, sightings.points_px, measured)
+    return Validation(tuple(attempts.quantities), tuple(findings), None, sightings.source, sightings.sha256)
 
 
 def fitted_and_held_out(

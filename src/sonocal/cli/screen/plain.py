@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-import click
-
 __all__ = ["harmless", "say", "say_json"]
 
 # What moves the cursor, rings, recolours or turns the direction of text; tabs and line ends stay.
@@ -19,6 +17,8 @@ def harmless(text: str) -> str:
 
 def say(text: str, *, err: bool = False) -> None:
     """Print a line as it is, but for control characters."""
+    import click
+
     click.echo(harmless(text), err=err)
 
 
@@ -28,6 +28,7 @@ def say_json(record: object) -> None:
     Args:
         record: of plain values, arrays and msgspec's or data classes; or JSON that was encoded already.
     """
+    import click
     import msgspec
 
     encoded = record
