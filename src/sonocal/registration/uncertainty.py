@@ -184,7 +184,7 @@ def _deviation(covariance: Array, direction: Array) -> float:
     """Standard deviation along a direction of any length; 0 where it has none."""
     length = float(np.linalg.norm(direction))
     unit = direction / length if length > 0 else direction
-    return float(np.sqrt(max(unit @ covariance @ unit, 0.0)))
+    return float(np.sqrt(max(float(unit @ covariance @ unit), 0.0)))
 
 
 def _rms(vectors: Array) -> float:
