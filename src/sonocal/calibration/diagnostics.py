@@ -21,9 +21,9 @@ from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import (
-    NORMAL_95,
     WeakMotion,
     point_covariance,
+    quantile_95,
     radius_95,
     weakest_motion,
 )
@@ -51,9 +51,14 @@ FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
 
 def diagnose_weakness(
-    motion: WeakMotion, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None, area: str = "image"
+    motion: WeakMotion,
+    freedom: float,
+    worst_mm: float,
+    accepted: tuple[Array, float, str],
+    near: NearDegeneracy | None,
 ) -> Iterator[Diagnostic]:
     """The motion that the data hold least, when the predicted error exceeds what the user accepts."""
+    _, tolerance_mm, area = accepted
     if worst_mm <= tolerance_mm:
         return
     corner = "an image corner" if area == "image" else f"a corner of the {area}"
@@ -63,7 +68,7 @@ def diagnose_weakness(
         severity="warning",
         message=(
             f"the predicted error reaches {worst_mm:.1f} mm (95 %) at {corner}, more than the "
-            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {cause}"
+            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion, freedom)}: {cause}"
         ),
         advice=near.advice
         if near
@@ -108,19 +113,25 @@ def diagnose_image_plane(rotation: Array, directions: Array) -> Iterator[Diagnos
     )
 
 
-def describe_motion(motion: WeakMotion) -> str:
-    """The motion in words, at 95 %: which turn, shift or growth, by how much, and what it does in mm."""
+def describe_motion(motion: WeakMotion, freedom: float) -> str:
+    """The motion in words, at 95 %: which turn, shift or growth, how well that is known, and what the motion does.
+
+    Args:
+        motion: the loosest.
+        freedom: residuals to spare that its covariance rests on.
+    """
+    sure = quantile_95(freedom)
     parts = {
         motion.turn_rms_mm: (
             f"rotation about {_axis(motion.turn_rad)}, known to "
-            f"+-{NORMAL_95 * np.degrees(np.linalg.norm(motion.turn_rad)):.2g} deg"
+            f"+-{np.degrees(sure * motion.turn_deviation_rad):.2g} deg"
         ),
         motion.shift_rms_mm: (
-            f"shift along {_axis(motion.shift_mm)}, known to +-{NORMAL_95 * motion.shift_rms_mm:.2g} mm"
+            f"shift along {_axis(motion.shift_mm)}, known to +-{sure * motion.shift_deviation_mm:.2g} mm"
         ),
-        motion.growth_rms_mm: f"scale, known to +-{NORMAL_95 * 100 * np.abs(motion.growth).max():.2g} %",
+        motion.growth_rms_mm: f"scale, known to +-{100 * sure * motion.growth_deviation:.2g} %",
     }
-    return f"{parts[max(parts)]} (it moves the corners by {NORMAL_95 * motion.rms_mm:.2g} mm)"
+    return f"{parts[max(parts)]} (it moves the corners by {sure * motion.rms_mm:.2g} mm)"
 
 
 def diagnose_noise(noise: Noise) -> Iterator[Diagnostic]:
@@ -249,7 +260,7 @@ def weakness_findings(
     """The predicted error at the corners against what is accepted."""
     if not predicts(noise):
         return
-    area, tolerance_mm, area_name = accepted
+    area, tolerance_mm, _ = accepted
     corners = area_places(area)[:-1]
     covariances = point_covariance(fit.transform, noise.covariance, corners)
     worst = float(radius_95(covariances, noise.freedom).max())
@@ -257,4 +268,4 @@ def weakness_findings(
         return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
     near = near_degeneracy(table, fit.inlier)
-    yield from diagnose_weakness(motion, worst, tolerance_mm, near, area_name)
+    yield from diagnose_weakness(motion, noise.freedom, worst, accepted, near)

@@ -54,7 +54,7 @@ OF_TABLES = ("fit_split", "test_split")
 OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETECTION)
 
 
-@click.command()
+@click.command(short_help="Calibrate from a table of sightings (CSV) or from a recording.")
 @click.argument("source", metavar="INPUT", type=FILE)
 @output_folder("calibration", "calibration.json, report.html and what led to them")
 @LINES

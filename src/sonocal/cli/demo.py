@@ -21,7 +21,7 @@ from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 __all__ = ["demo"]
 
 
-@click.command()
+@click.command(short_help="Simulate a sweep, calibrate it and open the report.")
 @output_folder("sonocal-demo", "observations.csv, calibration.json and report.html")
 @click.option(
     "--dimension", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Of the probe."

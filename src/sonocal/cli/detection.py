@@ -28,7 +28,7 @@ from sonocal.cli.screen.plain import say
 __all__ = ["COMMANDS"]
 
 
-@click.command()
+@click.command(short_help="Write a simulated recording and its needle, to try things on.")
 @output_folder("simulated", "sweep.igs.mha, needle.toml and truth.json")
 @click.option(
     "--probe",
@@ -101,7 +101,7 @@ def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options:
     say(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
 
 
-@click.command()
+@click.command(short_help="Find the needle in a recording's images.")
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @LINES
 @click.option(

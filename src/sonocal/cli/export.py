@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["export"]
 
 
-@click.command()
+@click.command(short_help="Write a calibration for PLUS, ITK or 3D Slicer.")
 @click.argument("calibration", metavar="CALIBRATION", type=FILE)
 @click.option(
     "--to",

@@ -32,7 +32,7 @@ Shown = tuple[Any, Callable[[], None]]
 """What --json prints, and what prints the rest."""
 
 
-@click.command()
+@click.command(short_help="Show what is in a file, and what is wrong with it.")
 @click.argument("file", metavar="FILE", type=FILE)
 @POSES
 @LATENCY

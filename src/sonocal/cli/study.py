@@ -23,7 +23,7 @@ __all__ = ["study"]
 LINE_EVERY_S = 10.0
 
 
-@click.command()
+@click.command(short_help="Answer a question of practice by thousands of simulated trials.")
 @click.argument("name", metavar="[NAME|FILE.toml]", required=False)
 @click.option(
     "-o",

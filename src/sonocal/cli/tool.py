@@ -57,7 +57,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
             self.fail(f"{value!r} is neither three numbers in mm nor a file", param, ctx)
 
 
-@click.command()
+@click.command(short_help="Find where a tool's tip and shaft are in its marker's frame.")
 @click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
 @click.option(
     "--tool", "tool_name", default="Needle", show_default=True, help="What the tool's marker is called."

@@ -43,7 +43,7 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
         return names[0], names[1], names[2]
 
 
-@click.command()
+@click.command(short_help="Say how far off a calibration is, on sightings or points.")
 @click.argument("calibration", metavar="CALIBRATION", type=FILE)
 @click.argument("table", metavar="INPUT", type=FILE)
 @click.option(
