@@ -31,7 +31,7 @@ def findings_of(scan, recording):
     """Of its calibration, or of its refusal."""
     try:
         return calibrate_points(recording, [NEEDLE], scan.detections)[0].diagnostics
-    except sc.NoConsensusError as error:
+    except sc.SonocalError as error:
         return error.diagnostics
 
 
@@ -104,7 +104,7 @@ def test_a_refusal_for_a_lag_leads_with_it_and_carries_it():
     for seed in range(40):
         try:
             sc.calibrate(late_scan(seed, "fast", 0.19, frames=60).observations)
-        except sc.NoConsensusError as error:
+        except sc.SonocalError as error:
             assert str(error).startswith("the tracker is late by 1")
             assert "--latency 0.1" in str(error)
             assert [one.code for one in error.diagnostics] == ["latency"]
@@ -147,7 +147,7 @@ def test_wrong_poses_are_named(how, tool):
             0
         ]
         findings = found.diagnostics
-    except sc.NoConsensusError as error:
+    except sc.SonocalError as error:
         findings = error.diagnostics
     assert findings[0].code == "wrong-poses"
     assert findings[0].message.startswith(f"the {tool}'s poses fit when they are")

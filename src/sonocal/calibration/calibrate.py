@@ -85,13 +85,13 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     # The transform that most rows agree with, refined on those that do.
     with explained(rows, asked):
         table, fit, mirrored = fit_rows(rows, asked)
-    mapped, used = MappedRows(fit.transform, table), asked.resolved(fit.threshold_mm)
-    seen, area = image_area(rows.points_px[fit.inlier], size)
+        used = asked.resolved(fit.threshold_mm)
 
-    # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
-    groupings = groupings_of(table, rows)
-    noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
-    refuse_apparent(table, fit.inlier, noise.apparent)
+        # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
+        groupings = groupings_of(table, rows)
+        noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
+        refuse_apparent(table, fit.inlier, noise.apparent)
+    mapped, (seen, area) = MappedRows(fit.transform, table), image_area(rows.points_px[fit.inlier], size)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     noise = noise if rival is None else replace(noise, covariance=noise.covariance + rival.covariance)
     found = Calibration(
