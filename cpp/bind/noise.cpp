@@ -65,7 +65,8 @@ Out<double> stacked(const std::vector<TangentMatrix>& matrices, std::size_t side
   return make_array(std::move(values), {matrices.size(), side, side});
 }
 
-// Derivatives of log variances by those of the levels' squares that were estimated; geometric: by the one there is.
+// Derivatives of log variances by those of the levels' squares that were estimated; geometric: by the one
+// there is.
 Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options, bool known_px,
                             bool known_mm) {
   Eigen::MatrixX2d out = white.by_level;
