@@ -13,7 +13,10 @@ import sonocal as sc
 
 IMAGE_PX, SCALE = 500.0, 0.24
 # Degenerate in exact arithmetic; those of a volume need neither its plane nor its line.
-DEGENERATE = {2: ("one-plane", "one-port", "one-direction", "one-image-line"), 3: ("one-port", "one-direction")}
+DEGENERATE = {
+    2: ("one-plane", "one-port", "one-direction", "one-image-line"),
+    3: ("one-port", "one-direction"),
+}
 
 
 @dataclasses.dataclass
@@ -87,8 +90,11 @@ def scan(seed, kind="sound", *, dimension=2, count=100, sigma_px=1.0, sigma_mm=0
     segments = ends_of(rng, crossing, along)
     seen = crossing[:, None]
     if dimension == 3:
-        seen = crossing[:, None] + np.array([-1.0, 1.0])[:, None] * rng.uniform(10, 40, (count, 1, 1)) * along[:, None]
-    return observed(rng, dimension, seen, segments, sigma_px, sigma_mm)
+        seen = (
+            crossing[:, None]
+            + np.array([-1.0, 1.0])[:, None] * rng.uniform(10, 40, (count, 1, 1)) * along[:, None]
+        )
+    return observed(rng, dimension, seen, segments, (sigma_px, sigma_mm))
 
 
 def flat(rng, kind, crossing, along, spread):
@@ -106,8 +112,9 @@ def flat(rng, kind, crossing, along, spread):
     return crossing, along
 
 
-def observed(rng, dimension, seen, segments, sigma_px, sigma_mm):
-    """From places (N, P, 3) and segments (N, 2, 3) in the image, mm, to a table with noise."""
+def observed(rng, dimension, seen, segments, noise):
+    """From places (N, P, 3) and segments (N, 2, 3) in the image, mm, to a table with noise, (px, mm)."""
+    sigma_px, sigma_mm = noise
     turn, shift = rotation_of(rng), rng.uniform(-100, 100, 3)
     truth = np.eye(4)
     truth[:3, :3], truth[:3, 3] = SCALE * turn, shift

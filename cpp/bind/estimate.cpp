@@ -10,6 +10,7 @@
 
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
+#include "sonocal/correspondences/chance.hpp"
 #include "sonocal/estimate/white_residuals.hpp"
 
 using namespace nb::literals;
@@ -165,6 +166,18 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
   return result;
 }
 
+Agreement py_agreement(const BoundTable& bound, const Transform& at, const In<double, nb::ndim<1>>& residuals,
+                       double threshold) {
+  const Correspondences all = bound.planes();
+  require(residuals.shape(0) == static_cast<std::size_t>(all.count),
+          "residuals are not one a correspondence");
+  require(threshold >= 0, "threshold is not a number from 0 on");
+  std::vector<double> squares(residuals.data(), residuals.data() + all.count);
+  for (double& square : squares) square *= square;
+  nb::gil_scoped_release unlocked;
+  return agreement(all, at, squares.data(), threshold * threshold);
+}
+
 }  // namespace
 
 void bind_estimate(nb::module_& m) {
@@ -211,4 +224,11 @@ void bind_estimate(nb::module_& m) {
   m.def("white_residuals", &py_white_residuals, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a);
   m.def("estimate_correspondences", &py_estimate_correspondences, "table"_a, "options"_a, nb::kw_only(),
         "refine"_a = true);
+  nb::class_<Agreement>(m, "Agreement")
+      .def_ro("agreeing", &Agreement::agreeing)
+      .def_ro("by_chance", &Agreement::by_chance)
+      .def_ro("share", &Agreement::share)
+      .def_ro("log_alarms", &Agreement::log_alarms)
+      .def_ro("redundant", &Agreement::redundant);
+  m.def("agreement", &py_agreement, "table"_a, "at"_a, "residuals"_a.noconvert(), "threshold"_a);
 }

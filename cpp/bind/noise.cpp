@@ -9,6 +9,7 @@
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
 #include "sonocal/estimate/apparent.hpp"
+#include "sonocal/estimate/drift.hpp"
 #include "sonocal/estimate/extent.hpp"
 #include "sonocal/estimate/residual_vectors.hpp"
 #include "sonocal/estimate/shared_errors.hpp"
@@ -21,11 +22,13 @@ using namespace sonocal;
 namespace {
 
 using Codes = In<std::int32_t, nb::ndim<1>>;
+using Times = In<double, nb::ndim<1>>;
 
 struct NoiseSums {
   std::vector<int> kept;
   Out<double> expected, observed, of_offsets, covariance;
   double freedom = 0;
+  Drift drift;
   Out<double> widening, moved;
   double apparent = 0;
 };
@@ -49,13 +52,21 @@ std::vector<const std::int32_t*> checked_codes(const std::vector<Codes>& groupin
   return out;
 }
 
+const double* checked_times(const Times& time, const Table& table) {
+  require(time.shape(0) == static_cast<std::size_t>(table.rows),
+          "time has not as many entries as the table has rows");
+  check_finite(time.data(), time.shape(0), "time");
+  return time.data();
+}
+
 Out<double> stacked(const std::vector<TangentMatrix>& matrices, std::size_t side) {
   std::vector<double> values;
   for (const TangentMatrix& m : matrices) values.insert(values.end(), m.data(), m.data() + m.size());
   return make_array(std::move(values), {matrices.size(), side, side});
 }
 
-// Derivatives of log variances by those of the levels' squares that were estimated; geometric: by the one there is.
+// Derivatives of log variances by those of the levels' squares that were estimated; geometric: by the one
+// there is.
 Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options, bool known_px,
                             bool known_mm) {
   Eigen::MatrixX2d out = white.by_level;
@@ -71,14 +82,17 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
 
 NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at,
                      const Options& options, const In<double, nb::ndim<2>>& covariance,
-                     const std::vector<Codes>& groupings, bool known_px, bool known_mm) {
+                     const std::vector<Codes>& groupings, const std::optional<Times>& time, bool known_px,
+                     bool known_mm) {
   const Table table = bound.lines();
   check_model(table, options);
   const bool* rows = checked_rows(chosen, table);
   const TangentMatrix of_tangent = tangent_matrix(covariance, options);
   const std::vector<const std::int32_t*> codes = checked_codes(groupings, table);
+  const double* times = time ? checked_times(*time, table) : nullptr;
   SharedErrors shared;
   WiderCovariance wider;
+  Drift drift;
   Apparent apparent;
   {
     nb::gil_scoped_release unlocked;
@@ -89,6 +103,7 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
         weighted ? std::set<std::int32_t>(white.row.begin(), white.row.end()).size() : white.row.size() / 2;
     shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
     wider = small_sample_covariance(white, by_unknown(white, options, known_px, known_mm), of_tangent);
+    if (times != nullptr) drift = drift_of(white, times, table.labels.target, of_tangent);
     const double px_share = white.by_level.col(0).mean() * options.levels.px * options.levels.px;
     apparent = apparent_of(white, px_share, wider.ratio_variance, of_tangent);
   }
@@ -98,6 +113,7 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
           stacked(shared.of_offsets, covariance.shape(0)),
           to_numpy(wider.covariance),
           wider.freedom,
+          drift,
           to_numpy(apparent.widening),
           to_numpy(apparent.moved),
           apparent.share};
@@ -130,6 +146,14 @@ Out<double> as_array(const Extent& e) {
 
 void bind_noise(nb::module_& m) {
   const auto owned = nb::rv_policy::automatic;
+  nb::class_<Drift>(m, "Drift")
+      .def_ro("gain", &Drift::gain)
+      .def_ro("unit", &Drift::unit)
+      .def_ro("wander", &Drift::wander)
+      .def_ro("memory", &Drift::memory)
+      .def_ro("stretches", &Drift::stretches)
+      .def_ro("freedom", &Drift::freedom)
+      .def_prop_ro("of_offsets", [](const Drift& drift) { return to_numpy(drift.of_offsets); }, owned);
   nb::class_<NoiseSums>(m, "NoiseSums")
       .def_ro("kept", &NoiseSums::kept)
       .def_ro("expected", &NoiseSums::expected, owned)
@@ -137,6 +161,7 @@ void bind_noise(nb::module_& m) {
       .def_ro("of_offsets", &NoiseSums::of_offsets, owned)
       .def_ro("covariance", &NoiseSums::covariance, owned)
       .def_ro("freedom", &NoiseSums::freedom)
+      .def_ro("drift", &NoiseSums::drift)
       .def_ro("widening", &NoiseSums::widening, owned)
       .def_ro("moved", &NoiseSums::moved, owned)
       .def_ro("apparent", &NoiseSums::apparent);
@@ -148,7 +173,8 @@ void bind_noise(nb::module_& m) {
       .def_prop_ro("ends", &as_array<&Extent::ends>, owned)
       .def_prop_ro("points", &as_array<&Extent::points>, owned);
   m.def("noise_sums", &noise_sums, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a,
-        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "known_px"_a, "known_mm"_a);
+        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "time"_a.noconvert().none() = nb::none(),
+        "known_px"_a, "known_mm"_a);
   m.def("residual_vectors", &py_residual_vectors, "table"_a, "at"_a);
   m.def("stretch_length", &py_stretch_length, "residuals"_a.noconvert(), "frames"_a.noconvert());
   m.def("extent", &py_extent, "table"_a, "chosen"_a.noconvert().none() = nb::none());

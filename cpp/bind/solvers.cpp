@@ -2,6 +2,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <tuple>
 
@@ -70,24 +71,23 @@ Out<T> adopt(T* data, const std::size_t* shape, std::size_t axes) {
 // (..., most, 4, 4) matrices and (...,) counts, which `solve` fills to the last number.
 template <class Solve>
 Solved solve_batch(Leading leading, std::size_t most, const Solve& solve) {
-  auto* matrices = new double[leading.size * most * 16];
-  auto* counts = new std::int64_t[leading.size];
+  std::unique_ptr<double[]> matrices(new double[leading.size * most * 16]);
+  std::unique_ptr<std::int64_t[]> counts(new std::int64_t[leading.size]);
   {
     // One problem is over before the lock could change hands.
     std::optional<nb::gil_scoped_release> unlocked;
     if (leading.axes > 0) unlocked.emplace();
-    solve(BatchOut{matrices, counts});
+    solve(BatchOut{matrices.get(), counts.get()});
   }
   nb::object counted;
   if (leading.axes == 0) {
     counted = nb::int_(counts[0]);
-    delete[] counts;
   } else {
-    counted = nb::cast(adopt(counts, leading.shape.data(), leading.axes));
+    counted = nb::cast(adopt(counts.release(), leading.shape.data(), leading.axes));
   }
   leading.shape[leading.axes] = most;
   leading.shape[leading.axes + 1] = leading.shape[leading.axes + 2] = 4;
-  return {adopt(matrices, leading.shape.data(), leading.axes + 3), std::move(counted)};
+  return {adopt(matrices.release(), leading.shape.data(), leading.axes + 3), std::move(counted)};
 }
 
 Line line_through(const double* ends) {

@@ -5,21 +5,52 @@ SonocalError                       every failure sonocal foresees: one sentence,
 │   └── FormatError                a file that is not what its name or header says
 ├── DegenerateGeometryError        the data leave a motion free: which one, and what to scan next
 ├── NoConsensusError               no calibration agrees with enough rows
+│   └── MirroredVolumeError        as they stand; mirrored along one axis of the volume, they do
 └── UnsupportedError               sound input that sonocal does not handle
 """
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from sonocal.findings import Diagnostic
 
 __all__ = [
     "DegenerateGeometryError",
     "FormatError",
     "InputError",
+    "MirroredVolumeError",
     "NoConsensusError",
     "SonocalError",
     "UnsupportedError",
+    "require",
 ]
 
 
 class SonocalError(Exception):
-    """Every failure that sonocal foresees; its text is one sentence for the user."""
+    """Every failure that sonocal foresees; its text is one sentence for the user, in one line.
+
+    Attributes:
+        diagnostics: what was found in the data that were refused, with what explains the refusal first.
+        refusal: the sentence as it was before findings explained it; None where none did.
+    """
+
+    diagnostics: tuple[Diagnostic, ...] = ()
+    refusal: str | None = None
+
+    def __init__(self, message: str) -> None:
+        super().__init__(_one_line(message))
+
+    def explained(self, findings: Iterable[Diagnostic], message: str | None = None) -> Self:
+        """The same failure with what was found, and with another sentence where one is given."""
+        self.diagnostics = tuple(findings)
+        if message is not None:
+            self.refusal = self.refusal or str(self)
+            self.args = (_one_line(message), *self.args[1:])
+        return self
 
 
 class InputError(SonocalError):
@@ -28,6 +59,21 @@ class InputError(SonocalError):
 
 class FormatError(InputError):
     """A file is not what its name or its header says it is."""
+
+
+def require(value: object, kind: type, what: str) -> None:
+    """Refuse what is of another kind than a function of the public face takes.
+
+    Args:
+        value: what arrived.
+        kind: what it must be.
+        what: the kind in words, with where one comes from.
+
+    Raises:
+        InputError: it is of another kind.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{what} is needed; got {value!r}"[:200])
 
 
 class DegenerateGeometryError(SonocalError):
@@ -54,5 +100,14 @@ class NoConsensusError(SonocalError):
         self.best_count = best_count
 
 
+class MirroredVolumeError(NoConsensusError):
+    """No calibration agrees with the rows of a volume as they stand, and one does when an axis is turned round."""
+
+
 class UnsupportedError(SonocalError):
     """Sound input that sonocal does not handle."""
+
+
+def _one_line(message: str) -> str:
+    """A message whose quotes of what arrived, such as an array, may have several lines."""
+    return re.sub(r"\s*[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]+\s*", " ", message)

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Literal, overload
 
-__all__ = ["CODES", "PAGE", "REASONS", "REFUSALS", "Diagnostic", "Findings", "anchor_of", "warnings_first"]
+__all__ = [
+    "CODES",
+    "DECISIVE",
+    "PAGE",
+    "REASONS",
+    "REFUSALS",
+    "Diagnostic",
+    "Findings",
+    "anchor_of",
+    "warnings_first",
+]
 
 # Where the documentation has a section for each code of the three tables.
 PAGE = "docs/findings.md"
@@ -16,24 +26,32 @@ PAGE = "docs/findings.md"
 CODES = {
     # calibration
     "weak-motion": "the predicted error exceeds what is accepted",
+    "narrow-area": "the area seen is a band",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
-    "anisotropic-scale": "mm/px differ along u and v",
+    "anisotropic-scale": "mm/px differ along the image's axes",
     "drifting-residuals": "neighbouring frames repeat one another's error",
+    "few-targets": "too few wires to tell how far off the answer is",
+    "offset-in-tracker": "the needle is off by one offset in the tracker's frame",
     "shared-target-error": "rows of a needle or wire share an error",
     "shared-frame-error": "rows of a frame share an error",
     "no-redundancy": "no row is left to check the answer",
     "many-outliers": "many rows or poses were left out",
     "not-converged": "the refinement did not come to rest",
     "held-out-rows-off": "held-out rows are further off than the fit explains",
+    "held-out-rows-far-off": "held-out rows are off by far more than is accepted",
     # setup_checks
+    "implausible-units": "lengths are not in mm, or places not in px",
     "latency": "image and tracker are not of the same instant",
+    "latency-beyond-tolerance": "with the lag undone the answer is another one",
     "marker-slipped": "the marker moved on the probe during the scan",
     "flipped-image": "the image is mirrored or turned",
     "scale-differs-from-scanner": "mm/px are not what the scanner says",
     "wrong-end-of-needle": "the needle is seen beyond an end of its segment",
     "wrong-tool-frame": "the lines are in another frame than the probe marker's",
     # sweep
+    "second-needle": "a second needle, or an echo, moves with the needle",
+    "wrong-poses": "poses are inverted, transposed, or of another quaternion order",
     "images-used": "how many images took part",
     "no-pose": "detections without a valid pose",
     "no-image": "detections in images marked invalid",
@@ -63,6 +81,9 @@ CODES = {
     "wobbling-axis": "the axis wobbles",
     # validation
     "not-computed": "a quantity could not be computed",
+    "points-off": "points are further from where they are known to be than predicted",
+    "points-far-off": "points are off by far more than is accepted",
+    "calibrations-differ": "two calibrations differ by more than their uncertainty",
 }
 
 # Codes of `DegenerateGeometryError`: data that leave a motion free are refused.
@@ -83,6 +104,15 @@ REFUSALS = {
     "not-a-spin": "the tool turned about more than one axis",
     "points-too-close": "the needle's two points are one within their noise",
     "moving": "the stylus moved during the touch",
+}
+
+# Codes of findings that explain others: many rows left out, a weak motion, a drift. They are read first.
+DECISIVE = {
+    "latency",
+    "latency-beyond-tolerance",
+    "wrong-poses",
+    "wrong-tool-frame",
+    "flipped-image",
 }
 
 # Codes of reasons of a verdict that are no findings.
@@ -173,5 +203,7 @@ class Findings(Sequence[Diagnostic]):
 
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """The findings in their order, those to read before use before the others."""
-    return tuple(sorted(findings, key=lambda finding: finding.severity != "warning"))
+    """The findings in their order: those to read before use before the others, of these what explains others first."""
+    return tuple(
+        sorted(findings, key=lambda finding: (finding.severity != "warning", finding.code not in DECISIVE))
+    )

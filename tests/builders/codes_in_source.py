@@ -10,6 +10,8 @@ KINDS = {
     "DegenerateGeometryError": ("message", "code"),
 }
 CODE = re.compile(r"[a-z]+(-[a-z0-9]+)+")
+# Of `NearDegeneracy`: a refusal takes the code of the configuration that is near.
+NEAR_CODES = {"parallel-lines", "lines-through-one-point", "coplanar-lines", "collinear-image-points"}
 
 
 class Made(NamedTuple):
@@ -83,6 +85,10 @@ def codes_of(code: ast.expr, tree: ast.Module) -> set[str]:
         keys += [node.slice for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
         texts = {key.value for key in keys if isinstance(key, ast.Constant) and isinstance(key.value, str)}
         return {text for text in texts if CODE.fullmatch(text)}
+    if (
+        isinstance(code, ast.Attribute) and code.attr == "code"
+    ):  # what a maker of such an object, in any file, gave
+        return set(NEAR_CODES)
     raise AssertionError(f"line {code.lineno}: {ast.unparse(code)} is no code that can be read from source")
 
 

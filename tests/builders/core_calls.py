@@ -67,6 +67,7 @@ def noise_sums(h: Hostile) -> Any:
     groups = [h.codes(rows, most) for most in (1, 3, rows)][: h.pick([0, 1, 3])]
     about = h.transform(), h.options(model), h.array(root @ root.T), groups
     known = {"known_px": h.pick([True, False]), "known_mm": h.pick([True, False])}
+    known["time"] = h.pick([None, h.array(np.cumsum(h.random.random(rows)) * h.pick([0.0, 1.0, 1e9]))])
     return h.core.noise_sums(table, h.chosen(rows), *about, **known)
 
 
@@ -132,6 +133,20 @@ def study_bounds(h: Hostile) -> Any:
     )
 
 
+def agreement(h: Hostile) -> Any:
+    """Correspondences of one to three rows each."""
+    each = h.pick([1, 2, 3])
+    rows = each * h.pick([1, 5, 12])
+    planes = h.random.normal(size=(rows, 4)) * [1, 1, 1, 50]
+    table = h.core.Table.of_planes(
+        h.array(h.random.uniform(0, 500, (rows, 3))),
+        h.array(planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)),
+        h.array(np.arange(0, rows + 1, each), np.int32),
+    )
+    residuals = h.array(np.abs(h.random.normal(size=rows // each)) * h.pick([1.0, 0.0, 1e30]))
+    return h.core.agreement(table, h.transform(), residuals, h.number(h.pick([5.0, 0.0])))
+
+
 CALLS: dict[str, Callable[[Hostile], Any]] = {
     "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
     "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
@@ -147,6 +162,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
         h.options(),
         refine=h.pick([True, False]),
     ),
+    "agreement": agreement,
     "noise_sums": noise_sums,
     "extent": extent,
     "residual_vectors": residual_vectors,
@@ -156,7 +172,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "study_bounds": study_bounds,
 }
 # What the calls above make or are given.
-REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Extent"}
+REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Drift", "Extent", "Agreement"}
 
 
 def touch(result: Any) -> None:

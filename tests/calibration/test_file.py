@@ -48,7 +48,7 @@ CALIBRATIONS = {
     "2D": lambda seed: sc.calibrate(simulate_observations(2, 30, outlier_share=0.2, seed=seed).observations),
     "3D": lambda seed: sc.calibrate(simulate_observations(3, 12, seed=seed).observations),
     "anisotropic": lambda seed: sc.calibrate(
-        simulate_observations(2, 30, seed=seed).observations, model="anisotropic", image_size_px=(640, 480)
+        simulate_observations(2, 30, seed=seed).observations, model="anisotropic", image_size_px=(500, 500)
     ),
     "auto": lambda seed: sc.calibrate(
         simulate_observations(2, 30, outlier_share=0.2, seed=seed).observations, threshold_mm="auto"
@@ -166,6 +166,6 @@ def test_auto_works_to_the_end_of_every_command(tmp_path):
     run("calibrate", tmp_path / "a.csv", "-o", out, "--threshold-mm", "auto")
     assert "Residuals by frame" in (out / "report.html").read_text()
     assert "Leave one frame out" in run("validate", out / "calibration.json", tmp_path / "a.csv")
-    run("export", out / "calibration.json", "--to", "plus", "-o", out / "a.xml")
+    run("export", out / "calibration.json", "--to", "plus", "-o", out / "a.xml", "--force")
     rows, found = sc.read_observations(tmp_path / "a.csv"), sc.load(out / "calibration.json")
     assert validate(found, rows, resample=False).diagnostics == ()

@@ -69,6 +69,7 @@ def test_json_is_the_calibration_and_its_verdict_on_stdout_and_nothing_else(tabl
     result = run("calibrate", table, "-o", tmp_path / "out", "--json")
     printed = json.loads(result.stdout)
     assert list(printed.pop("verdict")) == ["level", "headline", "expectation", "reasons", "codes"]
+    assert len(printed.pop("cannot_show")) == 3
     assert printed == json.loads((tmp_path / "out" / "calibration.json").read_text())
 
 
@@ -110,7 +111,19 @@ def test_transforms_are_exported_for_itk_and_slicer(calibrated, tmp_path, form, 
 def test_the_matrix_is_put_into_a_device_set(calibrated, tmp_path):
     devices = tmp_path / "devices.xml"
     devices.write_text("<PlusConfiguration>\n  <CoordinateDefinitions/>\n  <fCal />\n</PlusConfiguration>\n")
-    done = run("export", calibrated, "--to", "plus", "--into", devices, "-o", devices, "--probe", "L14")
+    done = run(
+        "export",
+        calibrated,
+        "--to",
+        "plus",
+        "--into",
+        devices,
+        "-o",
+        devices,
+        "--probe",
+        "L14",
+        "--overwrite",
+    )
     assert done.exit_code == 0, done.output
     text = devices.read_text()
     assert text.startswith("<PlusConfiguration>\n  <CoordinateDefinitions>\n    <!-- ImageToL14 maps pixels")
@@ -158,7 +171,7 @@ def test_demo_writes_and_names_the_report_and_opens_it_only_for_somebody(tmp_pat
     assert "Use it" in report.read_text(encoding="utf-8")
     assert opened == []
     monkeypatch.setattr("sonocal.cli.demo._somebody_looks", lambda: True)
-    run("demo", "-o", tmp_path / "demo")
+    run("demo", "-o", tmp_path / "demo", "--overwrite")
     assert opened == [str(report)]
     without = run("demo", "-o", tmp_path / "without", "--no-report")
     assert without.exit_code == 0

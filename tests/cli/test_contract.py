@@ -207,6 +207,13 @@ def test_the_groups_help_names_every_command(width):
         assert re.search(rf"^ +{name} ", shown.output, re.MULTILINE)
 
 
+def test_the_groups_help_has_a_whole_line_for_every_command():
+    lines = run("--help").output.partition("Commands:\n")[2].splitlines()
+    assert len(lines) == len(COMMANDS)
+    for name, line in zip(COMMANDS, lines, strict=True):
+        assert re.fullmatch(rf"  {name} +[A-Z].*[^.]\.", line), line
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_option_says_in_words_what_it_does(name):
     for param in main.commands[name].params:
@@ -216,7 +223,7 @@ def test_every_option_says_in_words_what_it_does(name):
 
 
 WITH_JSON = {
-    "calibrate": ["calibrate", "table.csv", "-o", "out", "--no-report"],
+    "calibrate": ["calibrate", "table.csv", "-o", "out", "--no-report", "--overwrite"],
     "validate": ["validate", "calibration.json", "table.csv", "--no-report"],
     "info of a table": ["info", "table.csv"],
     "info of a calibration": ["info", "calibration.json"],

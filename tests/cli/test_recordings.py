@@ -409,7 +409,7 @@ def test_a_mask_says_where_to_look(swept, tmp_path):
     everywhere = run("detect", *arguments)
     assert everywhere.exit_code == 0, everywhere.output
     assert sc.read_observations(tmp_path / "c.csv").points_px[:, 0].min() < 100
-    run("detect", *arguments, "--mask", tmp_path / "mask.png", "--centre", "mass")
+    run("detect", *arguments, "--overwrite", "--mask", tmp_path / "mask.png", "--centre", "mass")
     assert sc.read_observations(tmp_path / "c.csv").points_px[:, 0].min() > 120
     pillow.fromarray(mask[:200]).save(tmp_path / "mask.png")
     done = run("calibrate", *arguments, "--mask", tmp_path / "mask.png")
@@ -511,7 +511,7 @@ def test_pivot_and_spin_make_a_needle_file(tools, tmp_path):
             "--name",
             "rod",
         ),
-        *("-o", tmp_path / "needle.toml"),
+        *("-o", tmp_path / "needle.toml", "--overwrite"),
     )
     (line,), _ = read_lines(tmp_path / "needle.toml")
     assert line.name == "rod"

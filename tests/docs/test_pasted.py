@@ -10,6 +10,7 @@ import subprocess
 import sys
 import textwrap
 import tomllib
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -59,6 +60,13 @@ def study_on_the_page():
     return textwrap.dedent(block).replace("trials = 1000 ", "trials = 3 ")
 
 
+def clear_output(words):
+    """The file that a command makes is not there yet, whoever made it before for other commands to find."""
+    for option in ("-o", "--sheet"):
+        if option in words and (made := Path(words[words.index(option) + 1])).is_file():
+            made.unlink()
+
+
 def id_of(page):
     return str(page.relative_to(ROOT))
 
@@ -74,6 +82,7 @@ def test_commands_of_sonocal_run_one_after_the_other(page, files, tmp_path, monk
     typed = [command for command in commands_in(text_of(page)) if command.startswith("sonocal ")]
     for wanted in filter(None, (INSTEAD.get(command, command) for command in typed)):
         copy_of(files, tmp_path)
+        clear_output(shlex.split(wanted))
         done = CliRunner(env={"TERM": "dumb"}).invoke(main, shlex.split(wanted)[1:], catch_exceptions=False)
         assert done.exit_code == 0, f"{wanted}\n{done.output}"
 

@@ -223,3 +223,22 @@ def test_needles_in_the_image_plane_are_warned_of(tilt):
     directions[:, 2] = tilt * rng.normal(size=30)
     found = sc.calibrate(scene(unit(directions), points, TRUTH_MARKER))
     assert [w.code for w in found.warnings] == ["needle-in-image-plane"]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_volume_of_nearly_parallel_needles_is_not_called_mirrored(seed):
+    """It fits a mirrored volume as well: what it leaves free is named, not an axis that runs the wrong way."""
+    rng = np.random.default_rng(seed)
+    along = np.array([0.0, 0.0, 1.0]) + 0.001 * rng.normal(size=(10, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    places = np.column_stack([rng.uniform(0, 100, (10, 2)), np.zeros(10)])
+    ends = np.stack([places - 50 * along, places + 150 * along], axis=1)
+    points = np.stack([places + 10 * along, places + 40 * along], axis=1) / 0.25
+    points = points.reshape(-1, 3) + rng.normal(size=(20, 3))
+    rows = sc.Observations(
+        points, np.repeat(ends, 2, axis=0) + 0.3 * rng.normal(), frame=np.repeat(np.arange(10), 2)
+    )
+    with pytest.raises(sc.DegenerateGeometryError) as refused:
+        sc.calibrate(rows)
+    assert refused.value.code == "parallel-lines"
+    assert "mirror" not in str(refused.value)

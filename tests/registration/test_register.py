@@ -1,5 +1,7 @@
 """Registration of any mix of points, lines and planes, as someone sees it who has never heard of ultrasound."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -200,3 +202,17 @@ def test_without_refinement_the_consensus_answers():
     rows = correspondences("line_line", 6, true, random, noise=0.5)
     raw, refined = (reg.register(rows, refine=refine, weighting="geometric") for refine in (False, True))
     assert np.sum(refined.residuals_mm**2) <= np.sum(raw.residuals_mm**2) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("kind", ENOUGH)
+@given(seed=SEEDS)
+@settings(max_examples=10)
+def test_pairs_exchanged_at_random_are_refused(kind, seed):
+    random = np.random.default_rng(seed)
+    here, there = (correspondences(kind, 20, truth(random), random) for _ in range(2))
+    swapped = {
+        "planes": there.planes,
+        "lines": None if here.lines is None else replace(here.lines, segments_mm=there.lines.segments_mm),
+    }
+    with pytest.raises(NoConsensusError, match=r"chance|no similarity brings |no calibration brings"):
+        reg.register(replace(here, **swapped), threshold_mm=1.0)

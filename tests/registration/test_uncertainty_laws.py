@@ -7,9 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2, f
+from scipy.stats import t as student
 
 from sonocal.geometry import AxisScaled, Similarity
-from sonocal.registration.uncertainty import point_covariance, point_jacobian, radius_95, weakest_motion
+from sonocal.registration.uncertainty import (
+    point_covariance,
+    point_jacobian,
+    quantile_95,
+    radius_95,
+    weakest_motion,
+)
 from tests.builders.similarities import random_similarity
 
 seeds = st.integers(0, 5_000)
@@ -107,6 +114,30 @@ def test_the_weakest_motion_has_a_share_of_the_whole_variance(seed):
     whole = np.mean(np.trace(point_covariance(transform, covariance, PLACES), axis1=1, axis2=2))
     assert motion.share == pytest.approx(motion.rms_mm**2 / whole, rel=1e-6)
     assert 1 / 7 <= motion.share <= 1
+
+
+@given(seeds)
+def test_what_the_weakest_motion_says_of_itself_is_known_no_better_than_it_moves(seed):
+    """Of the whole covariance: at least what this one motion does, and its spread over samples of it."""
+    transform, covariance = random_similarity(seed, scale=0.24), some_covariance(seed)
+    motion = weakest_motion(transform, covariance, PLACES)
+    assert motion.turn_deviation_rad >= np.linalg.norm(motion.turn_rad) * (1 - 1e-6)
+    assert motion.shift_deviation_mm >= motion.shift_rms_mm * (1 - 1e-6)
+    assert motion.growth_deviation >= np.abs(motion.growth).max() * (1 - 1e-6)
+    sampled = np.random.default_rng(seed).normal(size=(4000, 7)) @ np.linalg.cholesky(covariance).T
+    axis = motion.tangent[:3] / np.linalg.norm(motion.tangent[:3])
+    assert motion.turn_deviation_rad == pytest.approx(np.std(sampled[:, :3] @ axis), rel=0.06)
+    centre = point_jacobian(transform, PLACES.mean(axis=0)[None])[0]
+    along = centre @ motion.tangent / motion.shift_rms_mm
+    assert motion.shift_deviation_mm == pytest.approx(np.std(sampled @ centre.T @ along), rel=0.06)
+    assert motion.growth_deviation == pytest.approx(np.std(sampled[:, 6]), rel=0.06)
+
+
+@pytest.mark.parametrize("freedom", [1, 3, 10, 1e9])
+def test_so_many_deviations_hold_95_of_100(freedom):
+    assert student.cdf(quantile_95(freedom), freedom) == pytest.approx(0.975, abs=1e-9)
+    assert quantile_95(0) == quantile_95(1)
+    assert quantile_95(1e9) == pytest.approx(quantile_95(), abs=1e-4)
 
 
 @given(seeds)

@@ -2,13 +2,17 @@
 
 import dataclasses
 import html
+import io
 import re
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import sonocal as sc
 from sonocal.calibration import calibration_json, parse_calibration
+from sonocal.cli.screen.calibration import print_calibration
+from sonocal.registration.uncertainty import quantile_95
 from sonocal.report import plot_residuals_by_frame, plot_residuals_over_image, plot_tilts, report_html
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import give_verdict, validate
@@ -17,6 +21,10 @@ from tests.builders.calibrations import parted_rows, slipped_rows
 
 def page(*arguments):
     return html.unescape(report_html(*arguments).decode())
+
+
+def typeset(sentence):
+    return sentence.replace("+-", "±")
 
 
 def shown(text):
@@ -42,7 +50,10 @@ def test_the_report_gives_the_one_verdict_with_its_reasons_with_and_without_rows
     rows, options = scans()[name]
     found = sc.calibrate(rows, **options)
     verdict = give_verdict(found)
-    expected = (verdict.headline, verdict.expectation), [r[0].upper() + r[1:] for r in verdict.reasons]
+    expected = (
+        (verdict.headline, verdict.expectation),
+        [typeset(r[0].upper() + r[1:]) for r in verdict.reasons],
+    )
     whole = page(found, rows, validate(found, rows, resample=False))
     assert shown(whole) == expected
     assert shown(page(found)) == expected
@@ -89,3 +100,21 @@ def test_what_other_rows_say_stands_in_the_verdict_and_among_the_findings():
     text = page(found, other, validate(found, other))
     assert shown(text)[0][0] != "Use it"
     assert text.count(">held-out-rows-off<") == 1
+
+
+@pytest.mark.parametrize("needles", [8, 50])
+def test_the_scale_has_one_uncertainty_wherever_it_is_told(needles):
+    rows = simulate_observations(2, needles, seed=4).observations
+    found = sc.calibrate(rows, image_size_px=(500, 500))
+    # The image grows about its centre, and little else is loose: then the loosest motion is the scale.
+    transform = found.probe_from_image
+    centre = (transform @ [[250.0, 250.0]])[0] - transform.translation
+    growth = np.r_[0, 0, 0, -0.03 * centre, 0.03]
+    loose = dataclasses.replace(found, covariance=np.outer(growth, growth) + 1e-6 * np.eye(7), diagnostics=())
+    text = page(loose)
+    screen = io.StringIO()
+    print_calibration(Console(file=screen, width=200), loose)
+    told = re.findall(r"(?:±|\+-) ?([\d.]+) %", text + screen.getvalue())
+    assert len(told) == 3
+    assert set(told) == {f"{100 * quantile_95(found.noise.freedom) * (0.03**2 + 1e-6) ** 0.5:.2g}"}
+    assert "+-" not in text

@@ -192,7 +192,7 @@ def test_an_error_far_beyond_what_is_accepted_stops(sound):
 def test_held_out_rows_that_are_worse_than_explained_call_for_care(sound):
     other = simulate_observations(2, 40, seed=1).observations
     moved = dataclasses.replace(
-        other, segments_mm=other.segments_mm + np.array([4.0, 4, 4]), source="later.csv"
+        other, segments_mm=other.segments_mm + np.array([2.5, 2.5, 2.5]), source="later.csv"
     )
     verdict = give_verdict(sound, validate(sound, moved))
     assert verdict.level == "care"

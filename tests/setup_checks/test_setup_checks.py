@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benchmarks.comparison import needle_scan
 from benchmarks.simulators.faults import (
     FAULTS,
     altered,
@@ -14,9 +15,13 @@ from benchmarks.simulators.faults import (
     sound,
 )
 from benchmarks.simulators.scans import scan
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import sonocal as sc
 from sonocal.calibration import evidence_of, point_line_rows
+from sonocal.errors import MirroredVolumeError
 from sonocal.setup_checks import (
     check_flip,
     check_latency,
@@ -25,6 +30,8 @@ from sonocal.setup_checks import (
     check_slip,
     check_tool_frame,
 )
+from sonocal.setup_checks.lag_search import find_lag
+from sonocal.setup_checks.lines_in_time import RowsInTime
 
 SEEDS = range(50)
 # Of 50 scans: found in at least, raised without cause in at most.
@@ -82,14 +89,22 @@ def test_a_latency_comes_out_in_ms_or_in_frames():
     assert " frames (+-" in in_frames
 
 
-def test_sound_real_data_raise_nothing_and_a_drift_is_no_slip(data_folder):
-    for name, model in (
-        ("depth15_polaris", "similarity"),
-        ("fcal12_ascension", "anisotropic"),
-        ("trus_3nwires", "similarity"),
-    ):
+def test_sound_real_data_raise_nothing(data_folder):
+    for name in ("depth15_polaris", "trus_3nwires"):
         rows = sc.read_observations(data_folder / "observations" / f"{name}.csv").select_split("calibration")
-        assert not check_setup(evidence_of(sc.calibrate(rows, model=model), rows)), name
+        assert not check_setup(evidence_of(sc.calibrate(rows), rows)), name
+
+
+@pytest.mark.parametrize("split", ["calibration", "validation"])
+def test_two_real_recordings_of_one_probe_name_the_same_lag_and_no_slip(data_folder, split):
+    """What passed for a drift: undone, the residuals fall from 0.52 and 0.55 to 0.31 mm rms in both."""
+    table = sc.read_observations(data_folder / "observations" / "fcal12_ascension.csv")
+    rows = table.select_split(split)
+    lag = find_lag(RowsInTime.of(rows, point_line_rows(rows)), 5.0, "anisotropic")
+    assert lag.value == pytest.approx(5.15, abs=0.3)
+    assert np.sqrt(np.mean(lag.fit.residuals_mm[lag.fit.inlier] ** 2)) < 0.33
+    found = check_setup(evidence_of(sc.calibrate(rows, model="anisotropic"), rows))
+    assert [one.code for one in found] in ([], ["latency"])
 
 
 def test_frames_in_any_order_hide_a_slip():
@@ -118,3 +133,32 @@ def test_nonsense_is_refused():
         sc.InputError, match=r"expected_rotation must be the directions of u, v and normal, shape \(3, 3\)"
     ):
         list(check_flip(evidence, expected_rotation=np.eye(4)))
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(5, 60),
+    axis=st.integers(0, 2),
+    outliers=st.sampled_from([0.0, 0.3]),
+    threshold_mm=st.sampled_from([5.0, "auto"]),
+)
+def test_a_mirrored_volume_is_named_wherever_it_is_refused_or_spoilt(
+    seed, count, axis, outliers, threshold_mm
+):
+    rng = np.random.default_rng(seed)
+    truth = (Rotation.random(random_state=seed).as_matrix(), rng.uniform(-100, 100, 3))
+    rows = needle_scan(rng, truth, 3, count)
+    mirror = np.ones(3)
+    mirror[axis] = -1
+    points = 250 + (rows.points_px - 250) * mirror
+    wrong = np.repeat(rng.random(count) < outliers, 2)
+    points[wrong] = rng.uniform(0, 500, (wrong.sum(), 3))
+    try:
+        found = sc.calibrate(altered(rows, points_px=points), threshold_mm=threshold_mm)
+    except MirroredVolumeError as refusal:
+        assert "when the volume is mirrored along one axis" in str(refusal)
+    except (sc.NoConsensusError, sc.DegenerateGeometryError) as refusal:
+        assert "mirrored" in str(refusal) or wrong.sum() > 0.3 * len(wrong)  # too few are left
+    else:
+        assert "flipped-image" in {finding.code for finding in found.warnings} or wrong.mean() > 0.4

@@ -73,6 +73,16 @@ def test_what_is_lost_or_damaged_is_done_again(tmp_path, reference):
     assert digest_of(tmp_path) == reference
 
 
+def test_a_whole_shard_that_is_not_what_was_written_is_done_again(tmp_path, reference):
+    """Of another seed, say: nothing in it is damaged, and only the manifest tells."""
+    digest_of(tmp_path / "one")
+    digest_of(tmp_path / "other", msgspec.structs.replace(STUDY, seed=STUDY.seed + 1))
+    (tmp_path / "one" / "shards" / shards(tmp_path / "one")[0].name).write_bytes(
+        shards(tmp_path / "other")[0].read_bytes()
+    )
+    assert digest_of(tmp_path / "one") == reference
+
+
 def test_more_trials_go_on_from_fewer(tmp_path, reference):
     fewer = msgspec.structs.replace(STUDY, trials=250)
     digest_of(tmp_path, fewer)

@@ -7,6 +7,7 @@ import pytest
 
 import sonocal as sc
 from sonocal.detection import detect
+from sonocal.errors import MirroredVolumeError
 from sonocal.geometry import homogeneous_points, predicted_points, similarity_errors
 from sonocal.recording import (
     ArrayFrames,
@@ -22,6 +23,7 @@ from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 from sonocal.sweep import calibrate_candidates, calibrate_recording
 from sonocal.targets import read_lines
+from tests.builders.sweeps import scan_of
 
 
 def with_decoys(truth_rows, decoys, hidden, seed=0):
@@ -68,6 +70,20 @@ def test_candidates_that_follow_no_needle_are_refused_with_the_count():
     table, _ = with_decoys(scene.observations, 4, hidden=1.0)
     with pytest.raises(sc.NoConsensusError, match=r"600 candidates in 120 images were tried"):
         calibrate_candidates(table, seed=int(rng.integers(100)))
+
+
+@pytest.mark.parametrize(("decoys", "hidden"), [(0, 0.0), (2, 0.2)])
+def test_mirrored_volumes_are_named_and_those_without_a_needle_are_not(decoys, hidden):
+    for seed in range(3):
+        one = scan_of(3, 60, seed, decoys=decoys, hidden=hidden)
+        mirrored = replace(one.detections, points_px=[0, 499, 0] + one.detections.points_px * [1, -1, 1])
+        with pytest.raises(MirroredVolumeError, match="when the volume is mirrored along one axis"):
+            calibrate_recording(one.recording, one.lines, detections=mirrored, second_look=False)
+        places = np.random.default_rng(seed).uniform(0, 499, mirrored.points_px.shape)
+        with pytest.raises(sc.NoConsensusError) as refusal:
+            nowhere = replace(mirrored, points_px=places)
+            calibrate_recording(one.recording, one.lines, detections=nowhere, second_look=False)
+        assert not isinstance(refusal.value, MirroredVolumeError)
 
 
 def test_a_candidate_belongs_to_one_needle():

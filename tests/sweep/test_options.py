@@ -110,8 +110,10 @@ def test_options_are_frozen_and_comparable():
 def test_errors_are_predicted_at_the_corners_of_the_recording_s_images(dimension):
     scan = scan_of(dimension)
     assert Options.for_lines(scan.recording, scan.lines).image_size_px == (500,) * dimension
-    own = (300,) * dimension
-    assert Options.for_lines(scan.recording, scan.lines, image_size_px=own).image_size_px == own
+    same, other = (500,) * dimension, (300,) * dimension
+    assert Options.for_lines(scan.recording, scan.lines, image_size_px=same).image_size_px == same
+    with pytest.raises(InputError, match="a recording knows its images"):
+        Options.for_lines(scan.recording, scan.lines, image_size_px=other)
     alone = scan_of(dimension, frames=False).recording
     assert PointsOptions.for_recording(alone).image_size_px is None
 

@@ -133,4 +133,4 @@ def test_what_is_known_now_is_looked_at_now():
 def test_another_scan_that_is_wrong_is_said_to_be():
     other = dataclasses.replace(slipped_rows(), source="later.csv")
     said = validate(sound_calibration(), other, resample=False).diagnostics
-    assert {"held-out-rows-off", "wrong-tool-frame"} & {finding.code for finding in said}
+    assert {"held-out-rows-far-off", "wrong-tool-frame"} & {finding.code for finding in said}

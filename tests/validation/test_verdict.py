@@ -177,7 +177,7 @@ def test_every_door_gives_the_same_verdict(scanned):
     calibration, table = folder / "calibration.json", folder / "a.csv"
     printed = run("calibrate", table, "-o", folder / "again", "--no-report", *options)
     of_calibrate = json.loads(
-        run("calibrate", table, "-o", folder / "again", "--json", "--no-report", *options)
+        run("calibrate", table, "-o", folder / "again", "--json", "--no-report", "--overwrite", *options)
     )
     of_validate = json.loads(run("validate", calibration, table, "--json", "--no-report"))
     verdict = of_calibrate["verdict"]
@@ -198,7 +198,8 @@ def test_every_door_gives_the_same_verdict(scanned):
 def test_every_export_says_it_and_carries_it(scanned, form, name):
     folder, _, _ = scanned
     verdict = give_verdict(sc.load(folder / "calibration.json"))
-    said = run("export", folder / "calibration.json", "--to", form, "-o", folder / name)
+    forced = ["--force"] if verdict.level == "stop" else []
+    said = run("export", folder / "calibration.json", "--to", form, "-o", folder / name, *forced)
     assert f"{verdict.headline}. {verdict.expectation}" in said
     assert verdict.remark in (folder / name).read_text(encoding="utf-8")
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "sonocal/detection/gaussian_blur.hpp"
+#include "sonocal/interrupt/interrupt.hpp"
 
 namespace sonocal {
 namespace {
@@ -95,6 +96,7 @@ void BlobFilter::respond(double least_contrast) {
   const std::size_t size = best_.size();
   std::vector<float>& running = pooled_;
   for (std::size_t i = 0; i < scales_.size(); ++i) {
+    allow_interrupt();
     blur(running, steps_[i]);
     const float* normaliser = normalisers_[i].data();
     for (std::size_t k = 0; k < size; ++k) levels_[i][k] = running[k] * normaliser[k];

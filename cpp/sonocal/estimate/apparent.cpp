@@ -14,8 +14,8 @@ constexpr int kSquarings = 5;
 
 TangentMatrix times(const TangentMatrix& a, const TangentMatrix& b) { return a.lazyProduct(b); }
 
-// Of a matrix x whose values are real and not negative: (I - x)^-1 = (I + x) (I + x^2) (I + x^4) ... for values
-// below one, and the greatest value, or a little more.
+// Of a matrix x whose values are real and not negative: (I - x)^-1 = (I + x) (I + x^2) (I + x^4) ... for
+// values below one, and the greatest value, or a little more.
 struct Powers {
   TangentMatrix series;
   double greatest;
@@ -44,7 +44,8 @@ Apparent apparent_of(const WhiteResiduals& white, double px_share, double ratio_
   const double doubt = std::sqrt(std::max(ratio_variance, 0.0));
   Apparent out;
   // At a share of one the series has no sum, and nobody is told an error.
-  out.widening = both.greatest < 1 ? both.series : TangentMatrix::Identity(covariance.rows(), covariance.cols());
+  out.widening =
+      both.greatest < 1 ? both.series : TangentMatrix::Identity(covariance.rows(), covariance.cols());
   out.moved = doubt * out.widening.lazyProduct(covariance.lazyProduct(white.by_ratio).eval());
   out.share = both.greatest;
   // The ratio is another by so much, the variance of both together the same.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sonocal/interrupt/interrupt.hpp"
 #include "sonocal/linalg/ldlt.hpp"
 #include "sonocal/linalg/vectors.hpp"
 
@@ -188,6 +189,7 @@ class Maximiser {
   // Levels and transform together, on every n-th sighting, until both come to rest.
   void alternate(const Transform& start, int step, LikelihoodFit& fit) {
     for (int round = 0; round < kMostRounds && !fit.converged; ++round) {
+      allow_interrupt();
       const Pass pass = pass_over(noise_, fit.transform, levels_, step, moves());
       const double moved_levels = moves() ? move_levels(pass, fit.transform) : 0.0;
       const Refinement refined = refine(pass.fit, fit.transform, model_, kIterationsARound);

@@ -36,8 +36,8 @@ struct IndependentBlock : Block {
   int first_row[kRows];             // the table's first row of the sighting
 
   // Of sum r^2 / v half the derivative through the variances v, by S x + h t of every row, and by the columns
-  // of S besides. A fit that leaves it out takes noise in a needle's direction, and of needles through a narrow
-  // port noise of any kind, for a reason to shrink.
+  // of S besides. A fit that leaves it out takes noise in a needle's direction, and of needles through a
+  // narrow port noise of any kind, for a reason to shrink.
   alignas(64) double pull[3][kRows];
   Vector3d column_pull[3];
 };

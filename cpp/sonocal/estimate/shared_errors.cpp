@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <numeric>
 
+#include "sonocal/interrupt/interrupt.hpp"
+
 namespace sonocal {
 namespace {
 
@@ -129,6 +131,7 @@ SharedErrors shared_errors(const WhiteResiduals& white, const std::vector<const 
     for (std::size_t m = 0; m < labels.size(); ++m) labels[m] = codes[g][white.row[m]];
     const int groups = count_codes(labels);
     if (groups <= 1 || groups >= units) continue;
+    allow_interrupt();
     Grouping grouping(white, std::move(labels), groups, covariance);
     if (!grouping.told_apart()) continue;
     out.kept.push_back(static_cast<int>(g));
@@ -140,6 +143,7 @@ SharedErrors shared_errors(const WhiteResiduals& white, const std::vector<const 
   out.expected(0, 0) = static_cast<double>(white.residual.size() - covariance.rows());
   out.observed[0] = white.residual.squaredNorm();
   for (Eigen::Index h = 0; h < count; ++h) {
+    allow_interrupt();
     out.expected(0, h + 1) = groupings[h].left();
     out.expected(h + 1, 0) = groupings[h].left_share();
     out.observed[h + 1] = groupings[h].between();

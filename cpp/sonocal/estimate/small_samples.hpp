@@ -14,8 +14,8 @@ struct WiderCovariance {
 
 // The covariance (J'J)^-1 of k parameters once the noise levels behind its weights are not taken for known:
 // with V the residuals' covariance, linear in the levels' squares, its derivatives (columns of `by_level`, M
-// x L, of the log variances by the squares' logarithms) give both a larger covariance and the freedom of the F distribution that fits
-// the Mahalanobis distances' mean and variance. Source: Kenward and Roger 1997.
+// x L, of the log variances by the squares' logarithms) give both a larger covariance and the freedom of the
+// F distribution that fits the Mahalanobis distances' mean and variance. Source: Kenward and Roger 1997.
 WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen::MatrixX2d& by_level,
                                         const TangentMatrix& covariance);
 

@@ -27,14 +27,17 @@ struct Needle {
   double middle, half_length;
 };
 
-// Sums over residuals r = n . (S x + h t) + h o with variance v = A + B, A of pixels and B of the segment's ends.
+// Sums over residuals r = n . (S x + h t) + h o with variance v = A + B, A of pixels and B of the segment's
+// ends.
 //
-// A pixel's noise e adds n . dS e to the derivative J of r, the direction's noise q = -(n . q) d . d(S x + h t): both
-// are in J'J, and in J'r, too, where the derivatives of A and B take them out as long as the levels are right.
+// A pixel's noise e adds n . dS e to the derivative J of r, the direction's noise q = -(n . q) d . d(S x + h
+// t): both are in J'J, and in J'r, too, where the derivatives of A and B take them out as long as the levels
+// are right.
 template <int kParameters>
 struct NoiseInJacobian {
   using Row = Eigen::Matrix<double, 1, kParameters>;
-  Eigen::Matrix<double, kParameters, kParameters> px = Eigen::Matrix<double, kParameters, kParameters>::Zero();
+  Eigen::Matrix<double, kParameters, kParameters> px =
+      Eigen::Matrix<double, kParameters, kParameters>::Zero();
   Eigen::Matrix<double, kParameters, kParameters> mm = px;
   Eigen::Matrix<double, kParameters, 1> by_ratio = Eigen::Matrix<double, kParameters, 1>::Zero();
 
@@ -105,9 +108,9 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
         if (alike) continue;
         const double fp = table.dimension == 2 && table.noise.px ? table.noise.px[row] : 1;
         const double fm = table.noise.mm ? table.noise.mm[row] : 1;
-        in_jacobian.add(normal, rows.direction(row), x, block.h[i],
-                        {rows.middle(row), rows.half_length(row)}, linear, normalised.translation,
-                        table.dimension, weight, levels.px * fp * fp, levels.mm * fm * fm);
+        in_jacobian.add(normal, rows.direction(row), x, block.h[i], {rows.middle(row), rows.half_length(row)},
+                        linear, normalised.translation, table.dimension, weight, levels.px * fp * fp,
+                        levels.mm * fm * fm);
       }
   out.from_noise[0] = from_original.transpose() * in_jacobian.px * from_original;
   out.from_noise[1] = from_original.transpose() * in_jacobian.mm * from_original;

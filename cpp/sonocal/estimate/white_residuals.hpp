@@ -17,8 +17,8 @@ struct WhiteResiduals {
   Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> by_level;
   Eigen::VectorXd residual;       // M
   std::vector<std::int32_t> row;  // M: a table row of the sighting
-  // k x k, of J'J: what noise alone is expected to give, of pixels and of segment ends. Rows that leave a motion
-  // free have no more than that of it. Zero where levels are not known (geometric weights).
+  // k x k, of J'J: what noise alone is expected to give, of pixels and of segment ends. Rows that leave a
+  // motion free have no more than that of it. Zero where levels are not known (geometric weights).
   TangentMatrix from_noise[2];
   // k: derivative of half the cost's gradient by the logarithm of px^2 / mm^2, expected.
   Eigen::VectorXd by_ratio;

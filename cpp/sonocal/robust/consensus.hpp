@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "sonocal/interrupt/interrupt.hpp"
 #include "sonocal/robust/random.hpp"
 
 namespace sonocal {
@@ -59,7 +60,8 @@ Consensus<typename Estimator::Model> find_consensus(Estimator& estimator, const 
   typename Estimator::Models models;
   double needed = all ? combinations(n, size) : options.max_samples;
   while (best.samples < needed) {
-    ++best.samples;
+    // The clock is read for some of them only: a sample may take no longer than that.
+    if (++best.samples % 16 == 0) allow_interrupt();
     if (!all) estimator.draw(random, sample);
     const int count = estimator.solve(sample, random, models);
     bool improved = false;

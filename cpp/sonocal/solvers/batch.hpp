@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <thread>
 #include <vector>
 
+#include "sonocal/interrupt/interrupt.hpp"
 #include "sonocal/linalg/transform.hpp"
 #include "sonocal/solvers/lanes/kernels.hpp"
 #include "sonocal/solvers/lanes/lanes.hpp"
@@ -53,22 +55,45 @@ void solve_each(std::size_t begin, std::size_t end, BatchOut out, const Solve& s
   }
 }
 
-// Runs solve(begin, end) over 0 .. size in equal parts. Every problem is solved the same way wherever it
-// falls, as parts begin at whole packs.
+// Parts begin at whole packs, so that every problem is solved the same way wherever it falls.
+inline constexpr std::size_t kBlock = 64;
+
+template <class Solve>
+void in_blocks(std::size_t begin, std::size_t end, const Solve& solve) {
+  for (std::size_t b = begin; b < end; b += kBlock) {
+    allow_interrupt();
+    solve(b, std::min(end, b + kBlock));
+  }
+}
+
+// Runs solve(begin, end) over 0 .. size, block by block, in equal parts. This thread does the last one, as
+// the only one that can be told to stop; when it is, the others stop with it.
 template <class Solve>
 void in_threads(std::size_t size, int threads, const Solve& solve) {
-  constexpr std::size_t kBlock = 64;
   const std::size_t blocks = (size + kBlock - 1) / kBlock;
-  const std::size_t parts = std::min<std::size_t>(std::max(threads, 1), blocks);
-  if (parts <= 1) {
-    if (size > 0) solve(std::size_t{0}, size);
-    return;
-  }
+  const std::size_t parts = std::min<std::size_t>(std::max(threads, 1), std::max<std::size_t>(blocks, 1));
+  const auto start = [&](std::size_t part) { return std::min(size, part * blocks / parts * kBlock); };
+  std::atomic<bool> stop{false};
   std::vector<std::thread> workers;
-  for (std::size_t p = 0; p < parts; ++p)
-    workers.emplace_back([&solve, begin = p * blocks / parts * kBlock,
-                          end = std::min(size, (p + 1) * blocks / parts * kBlock)] { solve(begin, end); });
-  for (auto& worker : workers) worker.join();
+  for (std::size_t p = 0; p + 1 < parts; ++p)
+    workers.emplace_back([&, p] {
+      const Helping helping(stop);
+      try {
+        in_blocks(start(p), start(p + 1), solve);
+      } catch (const Stopped&) {
+      }
+    });
+  const auto join = [&] {
+    for (auto& worker : workers) worker.join();
+  };
+  try {
+    in_blocks(start(parts - 1), size, solve);
+  } catch (...) {
+    stop = true;
+    join();
+    throw;
+  }
+  join();
 }
 
 }  // namespace sonocal

@@ -6,16 +6,19 @@ from dataclasses import replace
 from functools import partial
 from typing import Unpack
 
+from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
+from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
+from sonocal.calibration.refusals import explained
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import image_area, split_rows
+from sonocal.calibration.rows import image_area, known_image_size, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import InputError
+from sonocal.errors import require
 from sonocal.findings import Findings
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
@@ -53,7 +56,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
             What the answer is measured by:
             image_size_px (None): (width, height[, depth]); predicted errors are quoted at this image's corners.
-            Default: the corners of the box that holds the points seen.
+            Default: the table's; where it has none, errors are quoted at the corners of the area seen, which is the
+            box of the rows that agree.
             tolerance_mm (2.0): the predicted error (95 %) at a corner above which the answer comes with a warning.
 
             What is known of the set-up:
@@ -74,32 +78,30 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     Source: paper sections 5 to 9.
     """
     asked = Options.of(**options)
-    if not isinstance(observations, Observations):
-        raise InputError(
-            f"a table of sightings is needed; got {observations!r}"[:200] + "; see read_observations"
-        )
+    require(observations, Observations, "a table of sightings (see read_observations)")
     rows, held_out = split_rows(observations, asked.fit_split, asked.test_split)
-    area = image_area(rows, asked.image_size_px)
+    size = known_image_size(rows, asked.image_size_px)
 
     # The transform that most rows agree with, refined on those that do.
-    table, fit, mirrored = fit_rows(rows, asked)
-    mapped, used = MappedRows(fit.transform, table), asked.resolved(fit.threshold_mm)
+    with explained(rows, asked):
+        table, fit, mirrored = fit_rows(rows, asked)
+        used = asked.resolved(fit.threshold_mm)
 
-    # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well. Where noise alone
-    # may hold a motion, not at all.
-    groupings = groupings_of(mapped, fit, rows.split)
-    known = {"known_px": table.level_px(used.sigma_px) > 0, "known_mm": table.level_mm(used.sigma_mm) > 0}
-    noise = estimate_noise(table, fit, groupings.labels, **known)
-    refuse_apparent(table, fit.inlier, noise.apparent)
+        # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
+        groupings = groupings_of(table, rows)
+        noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
+        refuse_apparent(table, fit.inlier, noise.apparent)
+    mapped, (seen, area) = MappedRows(fit.transform, table), image_area(rows.points_px[fit.inlier], size)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
-    if rival is not None:
-        noise = replace(noise, covariance=noise.covariance + rival.covariance)
+    noise = noise if rival is None else replace(noise, covariance=noise.covariance + rival.covariance)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,
-        covariance=noise.covariance if predicts(noise) else None,
+        covariance=noise.covariance if predicts(noise) and not few_fixed_targets(table, fit.inlier) else None,
         noise=noise,
         area_px=area,
+        image_size_px=size,
+        seen_px=seen,
         fit=ErrorStatistics.of(fit.residuals_mm[fit.inlier], len(rows), int(fit.inlier.sum())),
         test=held_out_errors(fit.transform, held_out, fit.threshold_mm),
         residuals_mm=fit.residuals_mm,
@@ -109,11 +111,12 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, used)},
     )
 
-    # What to know before use, looked for when it is first read: of the fit, of rows held out that are a surprise, of
-    # the set-up.
-    accepted = (area, used.tolerance_mm)
+    # What to know before use, looked for when it is first read.
+    accepted = (area, used.tolerance_mm, found.area_name)
     looks = (
+        partial(few_targets_finding, table, fit.inlier),
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
+        partial(area_findings, found),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
     )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
+from sonocal.calibration.anisotropy import anisotropy_findings
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -17,15 +17,13 @@ from sonocal.registration.degeneracy import (
 )
 from sonocal.registration.fit import Fit
 from sonocal.registration.mapped import MappedRows
-from sonocal.registration.noise import Noise, estimate_noise
-from sonocal.registration.refine import refine_point_lines
+from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import (
-    NORMAL_95,
-    SIGNIFICANT,
     WeakMotion,
     point_covariance,
+    quantile_95,
     radius_95,
     weakest_motion,
 )
@@ -33,7 +31,6 @@ from sonocal.registration.uncertainty import (
 __all__ = [
     "Diagnostic",
     "describe_motion",
-    "diagnose_anisotropy",
     "diagnose_fit",
     "diagnose_image_plane",
     "diagnose_noise",
@@ -43,28 +40,35 @@ __all__ = [
     "predicts",
 ]
 
-# Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
-LEAST_ANISOTROPY = 0.01
 MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
+# With fewer independent errors their variance is known to no better than a third of itself; a drift that is likelier
+# by less than this (twice the logarithm) is chance in some scans of a thousand.
+ENOUGH_STRETCHES, SURE_GAIN = 30.0, 10.0
 # A quarter of needles within 5 deg of the image is not chance: of random ones it is a twelfth.
 FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
 
 def diagnose_weakness(
-    motion: WeakMotion, worst_mm: float, tolerance_mm: float, near: NearDegeneracy | None
+    motion: WeakMotion,
+    freedom: float,
+    worst_mm: float,
+    accepted: tuple[Array, float, str],
+    near: NearDegeneracy | None,
 ) -> Iterator[Diagnostic]:
     """The motion that the data hold least, when the predicted error exceeds what the user accepts."""
+    _, tolerance_mm, area = accepted
     if worst_mm <= tolerance_mm:
         return
+    corner = "an image corner" if area == "image" else f"a corner of the {area}"
     cause = near.cause if near else "the sightings hold it too loosely"
     yield Diagnostic(
         code="weak-motion",
         severity="warning",
         message=(
-            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at an image corner, more than the "
-            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion)}: {cause}"
+            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at {corner}, more than the "
+            f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion, freedom)}: {cause}"
         ),
         advice=near.advice
         if near
@@ -109,64 +113,30 @@ def diagnose_image_plane(rotation: Array, directions: Array) -> Iterator[Diagnos
     )
 
 
-def describe_motion(motion: WeakMotion) -> str:
-    """The motion in words, at 95 %: which turn, shift or growth, by how much, and what it does in mm."""
+def describe_motion(motion: WeakMotion, freedom: float) -> str:
+    """The motion in words, at 95 %: which turn, shift or growth, how well that is known, and what the motion does.
+
+    Args:
+        motion: the loosest.
+        freedom: residuals to spare that its covariance rests on.
+    """
+    sure = quantile_95(freedom)
     parts = {
         motion.turn_rms_mm: (
             f"rotation about {_axis(motion.turn_rad)}, known to "
-            f"+-{NORMAL_95 * np.degrees(np.linalg.norm(motion.turn_rad)):.2g} deg"
+            f"+-{np.degrees(sure * motion.turn_deviation_rad):.2g} deg"
         ),
         motion.shift_rms_mm: (
-            f"shift along {_axis(motion.shift_mm)}, known to +-{NORMAL_95 * motion.shift_rms_mm:.2g} mm"
+            f"shift along {_axis(motion.shift_mm)}, known to +-{sure * motion.shift_deviation_mm:.2g} mm"
         ),
-        motion.growth_rms_mm: f"scale, known to +-{NORMAL_95 * 100 * np.abs(motion.growth).max():.2g} %",
+        motion.growth_rms_mm: f"scale, known to +-{100 * sure * motion.growth_deviation:.2g} %",
     }
-    return f"{parts[max(parts)]} (it moves the corners by {NORMAL_95 * motion.rms_mm:.2g} mm)"
+    return f"{parts[max(parts)]} (it moves the corners by {sure * motion.rms_mm:.2g} mm)"
 
 
-def diagnose_anisotropy(scales: Array, covariance: Array) -> Iterator[Diagnostic]:
-    """Different mm/px along u and v, where the data show it.
-
-    Args:
-        scales: (3,), mm per px, of an anisotropic fit.
-        covariance: (8, 8), of its tangent.
-    """
-    ratio = float(np.log(scales[0] / scales[1]))
-    deviation = float(np.sqrt(covariance[6, 6] + covariance[7, 7] - 2 * covariance[6, 7]))
-    if not abs(ratio) > max(SIGNIFICANT * deviation, LEAST_ANISOTROPY):
-        return
-    yield Diagnostic(
-        code="anisotropic-scale",
-        severity="warning",
-        message=(
-            f"the residuals point to different mm/px in u and v: {scales[0]:.4f} and {scales[1]:.4f} mm/px, "
-            f"{100 * np.expm1(abs(ratio)):.1f} % apart (+-{100 * NORMAL_95 * deviation:.1f} %), "
-            "where the fitted model has one scale"
-        ),
-        advice=(
-            "for a linear probe or a resampled image, calibrate with the anisotropic model; "
-            "else check the pixels' aspect ratio"
-        ),
-    )
-
-
-def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
+def diagnose_noise(noise: Noise) -> Iterator[Diagnostic]:
     """Errors that rows share: they do not average out, and say that something is systematically off."""
-    drift = noise.shared_mm.get("stretch", 0.0)
-    if drift > LARGE_DRIFT * noise.row_mm:
-        yield Diagnostic(
-            code="drifting-residuals",
-            severity="warning",
-            message=(
-                f"frames share an error of {drift:.2f} mm that drifts over some {stretch_frames} frames, "
-                f"{drift / max(noise.row_mm, 0.01 * drift):.0f} times the {noise.row_mm:.2f} mm of single rows: "
-                "neighbouring frames repeat one another's error"
-            ),
-            advice=(
-                "look for a time lag between image and tracker, a slipped marker, "
-                "or lines that are not where the file says"
-            ),
-        )
+    yield from _diagnose_drift(noise)
     shared = {"target": "a needle or wire", "frame": "a frame"}
     for name, what in shared.items():
         if noise.shared_mm.get(name, 0.0) > 0.5 * noise.row_mm:
@@ -181,6 +151,32 @@ def diagnose_noise(noise: Noise, stretch_frames: int) -> Iterator[Diagnostic]:
                 + ("needles or wires" if name == "target" else "frames")
                 + " will",
             )
+
+
+def _diagnose_drift(noise: Noise) -> Iterator[Diagnostic]:
+    """An error that wanders, if it is large, or if too few independent ones were seen to average it."""
+    drift, size = noise.drift, noise.shared_mm.get("stretch", 0.0)
+    if drift is None:
+        return
+    few = drift.stretches < ENOUGH_STRETCHES
+    if drift.gain < SURE_GAIN or not (few or size > LARGE_DRIFT * noise.row_mm):
+        return
+    seen = f"; only some {drift.stretches:.0f} independent ones were seen, so that the predicted error is a guess"
+    guess = seen if few else ""
+    yield Diagnostic(
+        code="drifting-residuals",
+        severity="warning",
+        message=(
+            f"frames share an error of {size:.2f} mm that drifts over some {2 * drift.memory_frames:.0f} frames, "
+            f"{size / max(noise.row_mm, 0.01 * size):.1f} times the {noise.row_mm:.2f} mm of single rows: "
+            f"neighbouring frames repeat one another's error{guess}"
+        ),
+        advice=(
+            "look for a time lag between image and tracker, a slipped marker, "
+            "or lines that are not where the file says"
+            + ("; scan longer, for more than thirty times as long as the error drifts over" if few else "")
+        ),
+    )
 
 
 def diagnose_fit(fit: Fit) -> Iterator[Diagnostic]:
@@ -231,7 +227,7 @@ def fit_findings(
     noise: Noise,
     rival: Rival | None,
     groupings: Groupings,
-    accepted: tuple[Array, float],
+    accepted: tuple[Array, float, str],
 ) -> Iterator[Diagnostic]:
     """What the fit says of itself.
 
@@ -241,14 +237,15 @@ def fit_findings(
         noise: of the rows, with the covariance that errors are predicted by.
         rival: a second answer, or None.
         groupings: what rows may share an error by.
-        accepted: the image's area (2, d) and the predicted error (95 %) that is accepted at its corners, mm.
+        accepted: the area (2, d), the predicted error (95 %) that is accepted at its corners, mm, and what messages
+            call the area.
     """
     yield from diagnose_fit(fit)
     yield from diagnose_rival(rival)
-    yield from weakness_findings(mapped.table, fit, noise, *accepted)
+    yield from weakness_findings(mapped.table, fit, noise, accepted)
     if mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
-    yield from diagnose_noise(noise, groupings.stretch_frames)
+    yield from diagnose_noise(noise)
     yield from anisotropy_findings(mapped.table, fit, groupings)
 
 
@@ -258,11 +255,12 @@ def predicts(noise: Noise) -> bool:
 
 
 def weakness_findings(
-    table: PointLineRows, fit: Fit, noise: Noise, area: Array, tolerance_mm: float
+    table: PointLineRows, fit: Fit, noise: Noise, accepted: tuple[Array, float, str]
 ) -> Iterator[Diagnostic]:
     """The predicted error at the corners against what is accepted."""
     if not predicts(noise):
         return
+    area, tolerance_mm, _ = accepted
     corners = area_places(area)[:-1]
     covariances = point_covariance(fit.transform, noise.covariance, corners)
     worst = float(radius_95(covariances, noise.freedom).max())
@@ -270,23 +268,4 @@ def weakness_findings(
         return
     motion = weakest_motion(fit.transform, noise.covariance, corners)
     near = near_degeneracy(table, fit.inlier)
-    yield from diagnose_weakness(motion, worst, tolerance_mm, near)
-
-
-def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) -> Iterator[Diagnostic]:
-    """Fits the wider model too, and tests whether its two scales differ."""
-    if table.dimension == 3 or fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
-        return
-    wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
-    # Errors that rows share only widen the covariance: scales alike without them are alike with them.
-    if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
-        covariance = estimate_noise(table, wider, groupings.labels).covariance
-        yield from diagnose_anisotropy(wider.transform.scales, covariance)
-
-
-def _least_covariance(fit: Fit) -> Array:
-    """The tangent's covariance if rows shared no error."""
-    if fit.weighting == "likelihood":
-        return fit.covariance
-    freedom = 2 * int(fit.inlier.sum()) - len(fit.covariance)
-    return fit.covariance * float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom
+    yield from diagnose_weakness(motion, noise.freedom, worst, accepted, near)

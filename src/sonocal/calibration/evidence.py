@@ -32,6 +32,7 @@ def evidence_of(
         area_px=calibration.area_px,
         threshold_mm=calibration.threshold_mm,
         rms_mm=calibration.fit.rms_mm,
+        tolerance_mm=calibration.options.tolerance_mm,
     )
 
 

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.observations import group_codes
-from sonocal.registration.fit import Fit
-from sonocal.registration.mapped import MappedRows
-from sonocal.registration.noise import stretch_length
+from sonocal.geometry import Array
+from sonocal.observations import Observations, group_codes
+from sonocal.registration.rows import PointLineRows
 
 __all__ = ["Groupings", "groupings_of"]
 
@@ -19,21 +18,42 @@ class Groupings(NamedTuple):
     """Groups of rows that may share an error.
 
     Attributes:
-        labels: by name ("frame", "target", "stretch" of frames): (N,) the group of each row.
-        stretch_frames: how many frames a stretch has; 1 where neighbours have nothing in common.
+        labels: by name ("frame", "target"): (N,) the group of each row.
+        time: (N,), of each row's frame, in the median gap between frames: neighbours may share an error, too.
     """
 
     labels: dict[str, NDArray[Any]]
-    stretch_frames: int
+    time: Array
 
 
-def groupings_of(mapped: MappedRows, fit: Fit, split: NDArray[np.str_]) -> Groupings:
-    """Frames, needles or wires, and stretches of frames over which the residuals repeat one another."""
-    frame, target = mapped.table.frame, mapped.table.target
-    assert frame is not None
-    assert target is not None
-    stretch = stretch_length(mapped.residuals[fit.inlier], frame[fit.inlier])
-    labels: dict[str, NDArray[Any]] = {"frame": frame, "target": target}
-    if stretch > 1:
-        labels["stretch"] = group_codes(split, frame // stretch)
-    return Groupings(labels, stretch)
+def groupings_of(table: PointLineRows, rows: Observations) -> Groupings:
+    """Frames, needles or wires, and which frames are neighbours in time.
+
+    Args:
+        table: the rows as registration takes them.
+        rows: the same; its column ``time_s``, where there is one, says when they were, else the order of frames.
+    """
+    assert table.frame is not None
+    assert table.target is not None
+    return Groupings({"frame": table.frame, "target": table.target}, _time(table, rows))
+
+
+def _time(table: PointLineRows, rows: Observations) -> Array:
+    stamps = _stamps(rows)
+    if stamps is None:
+        # In volumes a split may be a candidate's rank, which says nothing of when.
+        order = table.frame if rows.dimension == 2 else group_codes(rows.frame)
+        return np.asarray(order, dtype=float)
+    gaps = np.diff(np.unique(stamps))
+    return np.asarray(stamps / np.median(gaps)) if len(gaps) else np.zeros(len(stamps))
+
+
+def _stamps(rows: Observations) -> Array | None:
+    """The column ``time_s``, if every row has a number there."""
+    if "time_s" not in rows.extra:
+        return None
+    try:
+        stamps = rows.extra["time_s"].astype(float)
+    except ValueError:
+        return None
+    return stamps if np.all(np.isfinite(stamps)) else None

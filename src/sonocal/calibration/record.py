@@ -8,6 +8,7 @@ import msgspec
 
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
+from sonocal.registration.noise import Drift
 from sonocal.registration.options import Model
 
 __all__ = ["CONVENTIONS", "FORMAT", "VERSION", "Record", "Sigma"]
@@ -30,6 +31,7 @@ class Sigma(msgspec.Struct):
     segment_mm: float | None
     shared_mm: dict[str, float]
     freedom: int
+    drift: Drift | None = None
     apparent: float = 0.0
 
 
@@ -48,6 +50,8 @@ class Record(msgspec.Struct, kw_only=True):
     covariance: list[list[float]] | None
     sigma: Sigma
     area_px: list[list[float]]
+    image_size_px: list[int] | None = None
+    seen_px: list[list[float]] | None = None
     fit: ErrorStatistics
     test: ErrorStatistics | None
     residuals_mm: list[float]

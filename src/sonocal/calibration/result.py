@@ -19,12 +19,19 @@ from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_bytes, write_atomically
 from sonocal.findings import Diagnostic, Findings
-from sonocal.geometry import Array, AxisScaled, Similarity, area_places
+from sonocal.geometry import FURTHEST, Array, AxisScaled, Similarity, area_places, frozen, real_array
 from sonocal.registration.noise import Noise
 from sonocal.registration.options import Model
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
+# As many residuals as the core can count.
+MOST_FREEDOM = 2**31
+
 __all__ = ["Calibration", "calibration_json", "load_calibration", "parse_calibration"]
+
+
+# So far from the image that where it lies no longer matters, and only how it is turned and scaled does.
+FAR_PX = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +46,8 @@ class Calibration:
         noise: the standard deviations behind it, mm.
         area_px: (2, 2) or (2, 3): the least and the greatest corner of the image area that predicted
             errors are quoted for.
+        image_size_px: of the images, where it is known: then `area_px` is the image, else the area seen.
+        seen_px: (2, d): the box of the fitted rows that agree; None where the file is of a sonocal that kept none.
         fit, test: errors of the fitted and of the held-out rows.
         residuals_mm, inlier: (N,), of the fitted rows in the order given.
         diagnostics: what to know before use, warnings first; of a fresh one, looked for when they are first read.
@@ -58,13 +67,30 @@ class Calibration:
     inlier: NDArray[np.bool_]
     diagnostics: Sequence[Diagnostic]
     latency_s: float | None = None
+    image_size_px: tuple[int, ...] | None = None
+    seen_px: Array | None = None
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for array in (self.covariance, self.area_px, self.residuals_mm, self.inlier):
+            if array is not None:
+                frozen(array)
 
     @property
     def dimension(self) -> int:
         """2 for a 2D probe, 3 for a 3D probe."""
         return int(self.area_px.shape[1])
+
+    @property
+    def area_is_image(self) -> bool:
+        """Whether `area_px` is the image; else it is the area seen, and nothing is said of the image beyond it."""
+        return self.image_size_px is not None
+
+    @property
+    def area_name(self) -> str:
+        """What `area_px` is, for messages."""
+        return "image" if self.area_is_image else "area seen"
 
     @property
     def threshold_mm(self) -> float:
@@ -97,8 +123,18 @@ class Calibration:
             from the calibration's uncertainty alone (add the noise of the point itself).
 
         Raises:
+            InputError: the points are no such array of numbers.
             UnsupportedError: the calibration has no covariance.
         """
+        points_px = real_array("points_px", points_px)
+        if points_px.ndim != 2 or points_px.shape[1] not in {3, self.dimension}:
+            wanted = "(N, 2)" if self.dimension == 2 else "(N, 3)"
+            raise InputError(
+                f"points_px must have shape {wanted}, a row a point of the {self.dimension}D image; got shape "
+                f"{points_px.shape}"
+            )
+        if np.any(np.abs(points_px) >= FURTHEST):
+            raise InputError(f"points_px must lie in an image; got {np.abs(points_px).max():.3g} px")
         if self.covariance is None:
             raise UnsupportedError(
                 "this calibration has no row to spare and so no covariance; calibrate with more sightings"
@@ -124,6 +160,20 @@ class Calibration:
             np.sqrt(np.trace(covariances, axis1=1, axis2=2)),
             radius_95(covariances, self.noise.freedom),
         )
+
+    def error_growth_mm_per_px(self) -> float:
+        """The most that the predicted error (95 %) grows by a px outside of the area, whichever way one goes.
+
+        Errors far from the area grow in proportion to the way, and nowhere faster: the error is a convex function.
+
+        Raises:
+            UnsupportedError: the calibration has no covariance.
+        """
+        low, high = self.area_px
+        corners = area_places(np.array([-np.ones(self.dimension), np.ones(self.dimension)]))[:-1]
+        ways = np.vstack([np.eye(self.dimension), corners / np.sqrt(self.dimension)])
+        covariances = self.predict((low + high) / 2 + FAR_PX * ways)[1]
+        return float(radius_95(covariances, self.noise.freedom).max()) / FAR_PX
 
     def save(self, path: str | Path) -> None:
         """Write the calibration as JSON, whole or not at all.
@@ -154,9 +204,12 @@ def calibration_json(calibration: Calibration) -> bytes:
             segment_mm=calibration.noise.sigma_mm,
             shared_mm=calibration.noise.shared_mm,
             freedom=calibration.noise.freedom,
+            drift=calibration.noise.drift,
             apparent=calibration.noise.apparent,
         ),
         area_px=calibration.area_px.tolist(),
+        image_size_px=None if calibration.image_size_px is None else list(calibration.image_size_px),
+        seen_px=None if calibration.seen_px is None else calibration.seen_px.tolist(),
         fit=calibration.fit,
         test=calibration.test,
         residuals_mm=calibration.residuals_mm.tolist(),
@@ -212,9 +265,15 @@ def _from_record(record: Record) -> Calibration:
     parameters = 6 + _scale_count(record.model)
     if covariance is not None and covariance.shape != (parameters, parameters):
         raise ValueError(f"covariance has shape {covariance.shape} and not ({parameters}, {parameters})")
+    if covariance is not None and not _is_covariance(covariance):
+        raise ValueError("covariance is none: it is not finite, not symmetric, or of less than nothing")
+    if not 0 <= record.sigma.freedom <= MOST_FREEDOM:
+        raise ValueError(f"sigma.freedom is {record.sigma.freedom} and not from 0 to {MOST_FREEDOM}")
     residuals, inlier = np.array(record.residuals_mm), np.array(record.inlier, dtype=bool)
     if residuals.shape != inlier.shape:
         raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")
+    options = _options(record.provenance.get("options", {}), residuals, inlier)
+    size = options.image_size_px if record.image_size_px is None else tuple(record.image_size_px)
     return Calibration(
         probe_from_image=_transform(matrix, record),
         model=record.model,
@@ -227,17 +286,27 @@ def _from_record(record: Record) -> Calibration:
             sigma_mm=record.sigma.segment_mm,
             apparent=record.sigma.apparent,
             shared_mm=record.sigma.shared_mm,
+            drift=record.sigma.drift,
         ),
         area_px=np.array(record.area_px),
+        image_size_px=size,
+        seen_px=None if record.seen_px is None else np.array(record.seen_px),
         fit=record.fit,
         test=record.test,
         residuals_mm=residuals,
         inlier=inlier,
         diagnostics=tuple(record.diagnostics),
         latency_s=record.latency_s,
-        options=_options(record.provenance.get("options", {}), residuals, inlier),
+        options=options,
         provenance=record.provenance,
     )
+
+
+def _is_covariance(matrix: Array) -> bool:
+    if not np.all(np.abs(matrix) < FURTHEST**2) or not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0):
+        return False
+    size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    return bool(np.linalg.eigvalsh(matrix / np.outer(size, size))[0] > -1e-6)
 
 
 def _options(given: dict[str, Any], residuals_mm: Array, inlier: NDArray[np.bool_]) -> Options:

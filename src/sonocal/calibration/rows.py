@@ -8,11 +8,19 @@ from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.noise import residual_vectors
-from sonocal.registration.options import Model
+from sonocal.registration.options import Model, Options
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["check_rows", "image_area", "line_distances", "point_line_rows", "split_rows"]
+__all__ = [
+    "check_rows",
+    "image_area",
+    "known_image_size",
+    "known_levels",
+    "line_distances",
+    "point_line_rows",
+    "split_rows",
+]
 
 
 def split_rows(
@@ -78,18 +86,37 @@ def _check_sightings(rows: Observations) -> None:
         )
 
 
-def image_area(rows: Observations, image_size_px: tuple[int, ...] | None) -> Array:
-    """(2, d), px: the least and the greatest corner of the image, or of the box that holds the points."""
-    if image_size_px is None and not len(rows):
-        return np.zeros((2, rows.dimension))  # `check_rows` says what is missing
-    if image_size_px is None:
-        return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])
-    if len(image_size_px) != rows.dimension:
+def known_image_size(rows: Observations, told_px: tuple[int, ...] | None) -> tuple[int, ...] | None:
+    """The size of the images: what an option says, or the table; None where neither does.
+
+    Raises:
+        InputError: it is of another dimension than the points, or the two are not the same.
+    """
+    if told_px is not None and len(told_px) != rows.dimension:
         raise InputError(
-            f"image_size_px must be {rows.dimension} positive numbers for a {rows.dimension}D probe; "
-            f"got {image_size_px}"
+            f"image_size_px must be {rows.dimension} positive numbers for a {rows.dimension}D probe; got {told_px}"
         )
-    return np.array([np.zeros(rows.dimension), np.asarray(image_size_px) - 1.0])
+    stated = rows.image_size_px
+    if told_px is not None and stated is not None and told_px != stated:
+        raise InputError(
+            f"{rows.source}: says that its images have {' x '.join(map(str, stated))} px and image_size_px says "
+            f"{' x '.join(map(str, told_px))}; leave the option out, or correct the one that is wrong"
+        )
+    return told_px or stated
+
+
+def image_area(points_px: Array, size_px: tuple[int, ...] | None) -> tuple[Array, Array]:
+    """The box (2, d), px, that holds points (N, d), and the image's, which is that box where its size is not known."""
+    seen = np.array([points_px.min(axis=0), points_px.max(axis=0)])
+    return seen, seen if size_px is None else np.array([np.zeros(len(size_px)), np.asarray(size_px) - 1.0])
+
+
+def known_levels(table: PointLineRows, options: Options) -> dict[str, bool]:
+    """Which noise levels are given, and not to be found in the residuals; as `estimate_noise` takes it."""
+    return {
+        "known_px": table.level_px(options.sigma_px) > 0,
+        "known_mm": table.level_mm(options.sigma_mm) > 0,
+    }
 
 
 def line_distances(probe_from_image: AxisScaled, rows: Observations) -> Array:

@@ -9,6 +9,8 @@ import click
 
 from sonocal.cli.from_recording import (
     OF_DETECTION,
+    SHEET,
+    TABLE,
     Result,
     from_recording,
 )
@@ -32,8 +34,19 @@ from sonocal.cli.options import (
     seed,
     typed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
+from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict, pictures
-from sonocal.errors import InputError
+from sonocal.cli.screen.plain import say_json
+from sonocal.cli.told import (
+    ACCEPT_UNITS,
+    EXPECTED,
+    MARKER_ABOVE,
+    expected_rotation,
+    refuse_units,
+    unit_doubts,
+)
+from sonocal.errors import InputError, SonocalError
 
 __all__ = ["calibrate"]
 
@@ -41,7 +54,7 @@ OF_TABLES = ("fit_split", "test_split")
 OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETECTION)
 
 
-@click.command()
+@click.command(short_help="Calibrate from a table of sightings (CSV) or from a recording.")
 @click.argument("source", metavar="INPUT", type=FILE)
 @output_folder("calibration", "calibration.json, report.html and what led to them")
 @LINES
@@ -87,27 +100,34 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
     type=float,
     default=2.0,
     show_default=True,
-    help="Warn where the predicted error (95 %) at an image corner exceeds this.",
+    help="Warn where the predicted error (95 %) at a corner of the image, or of the area seen, exceeds this.",
 )
 @click.option(
     "--image-size",
     "image_size_px",
     type=Size(),
-    help="Image size, px, for predicted errors at its corners.  [default: the recording's, or the box of the points]",
+    help="Image size, px, for predicted errors at its corners.  [default: the table's or the recording's]",
 )
 @click.option(
     "--max-samples", type=int, default=10_000, show_default=True, help="Random minimal samples at the most."
 )
 @seed("the random samples")
 @SCANNER
+@MARKER_ABOVE
+@EXPECTED
+@ACCEPT_UNITS
 @NO_REPORT
+@OVERWRITE
 @JSON
 def calibrate(
     source: Path,
     output: Path,
     *,
     lines: Path | None,
+    expected: Path | None,
+    accept_units: bool,
     report: bool,
+    overwrite: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -128,26 +148,36 @@ def calibrate(
     from sonocal.calibration import calibration_json
     from sonocal.cli.report import report_files
     from sonocal.cli.screen.calibration import print_calibration
-    from sonocal.files import write_into_folder
 
     _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
-    recorded = {name: options.pop(name) for name in OF_RECORDINGS}
-    result = (
-        _from_table(source, options)
-        if lines is None
-        else from_recording(source, lines, output, recorded, options)
-    )
+    if source.exists():  # else a reader says so
+        reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
+    recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
+    options["expected_rotation"] = expected_rotation(expected)
+    with refusing(as_json=as_json):
+        result = (
+            _from_table(source, options, accept_units=accept_units)
+            if lines is None
+            else from_recording(source, lines, output, recorded, options)
+        )
     found = result.calibration
+    refuse_units(source.name, found.diagnostics, accepted=accept_units)
     content = calibration_json(found)
     files = {"calibration.json": content, **result.files}
     if report:
         files |= report_files(found, result.rows, frames=pictures(result))
-    write_into_folder(output, files)
+    write_results(output, files)
     if as_json:
-        click.echo(json_with_verdict(found, content), nl=False)
+        say_json(json_with_verdict(found, content))
         return
     print_calibration(console(), found)
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
+
+
+def _names(points: Path | None, *, recording: bool, report: bool) -> tuple[str, ...]:
+    """What will be written: known before the work is done."""
+    names = ("calibration.json", "report.html") if report else ("calibration.json",)
+    return names + ((TABLE, SHEET) if recording and points is None else (TABLE,) if recording else ())
 
 
 def _refuse_mixture(*, recording: bool, given: bool) -> None:
@@ -160,7 +190,7 @@ def _refuse_mixture(*, recording: bool, given: bool) -> None:
         raise click.UsageError(f"{names[0]} is for detection; with --points nothing is detected")
 
 
-def _from_table(source: Path, options: dict[str, Any]) -> Result:
+def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) -> Result:
     import sonocal
     from sonocal.cli.formats import kind_of
 
@@ -177,4 +207,8 @@ def _from_table(source: Path, options: dict[str, Any]) -> Result:
             f"{source.name}: is a file of kind {kind!r}; give a table of sightings (CSV), or a recording with --lines"
         )
     rows = sonocal.read_observations(source)
-    return Result(rows, sonocal.calibrate(rows, **options), {})
+    try:
+        return Result(rows, sonocal.calibrate(rows, **options), {})
+    except SonocalError:
+        refuse_units(source.name, unit_doubts(rows=rows), accepted=accept_units)
+        raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from itertools import chain, count
 from pathlib import Path
 
 import click
@@ -13,12 +14,14 @@ from sonocal.cli.options import (
     console,
     output_folder,
     seed,
+    typed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 
 __all__ = ["demo"]
 
 
-@click.command()
+@click.command(short_help="Simulate a sweep, calibrate it and open the report.")
 @output_folder("sonocal-demo", "observations.csv, calibration.json and report.html")
 @click.option(
     "--dimension", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Of the probe."
@@ -33,10 +36,15 @@ __all__ = ["demo"]
 )
 @seed("everything random")
 @NO_REPORT
-def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: int, report: bool) -> None:
+@OVERWRITE
+def demo(
+    output: Path, *, dimension: str, needles: int, outliers: float, seed: int, report: bool, overwrite: bool
+) -> None:
     """Simulate a sweep with known truth, calibrate it, show the error and open the report.
 
-    The needle is 400 mm long, the image 500 px of 0.24 mm, the noise 1 px in the image and 1 mm at the needle's ends.
+    Run again, it takes a folder with a number after its name.
+
+    The needle is 400 mm long, the image 500 px of 0.24 mm, the noise 1 px in the image and 1 mm at its ends.
     """
     import sonocal
     from sonocal.calibration import calibration_json
@@ -45,16 +53,18 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
         print_calibration,
         print_truth,
     )
-    from sonocal.files import write_into_folder
     from sonocal.observations.table_file import as_file
-    from sonocal.simulation.scene import IMAGE_PX, simulate_observations
+    from sonocal.simulation.scene import simulate_observations
 
+    output = output if overwrite or typed(("output",)) else _fresh(output)
+    names = ("observations.csv", "calibration.json", *(("report.html",) if report else ()))
+    reserve_results(output, names)
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
     table, rows = as_file(simulated.observations, "observations.csv")
-    calibration = sonocal.calibrate(rows, image_size_px=(IMAGE_PX,) * int(dimension))
+    calibration = sonocal.calibrate(rows)
     files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
     files |= report_files(calibration, rows) if report else {}
-    write_into_folder(output, files)
+    write_results(output, files)
     screen = console()
     print_calibration(screen, calibration)
     print_truth(screen, calibration, simulated)
@@ -64,6 +74,12 @@ def demo(output: Path, *, dimension: str, needles: int, outliers: float, seed: i
     screen.print(f"Next: sonocal calibrate {output / 'observations.csv'}", soft_wrap=True)
     if "report.html" in files and _somebody_looks():
         click.launch(str(output / "report.html"))
+
+
+def _fresh(folder: Path) -> Path:
+    """The folder, or with a number after its name where that is there: a demonstration is run more than once."""
+    names = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
+    return next(name for name in chain([folder], names) if not name.exists())
 
 
 def _somebody_looks() -> bool:

@@ -22,11 +22,13 @@ from sonocal.cli.options import (
     progress,
     seed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say
 
 __all__ = ["COMMANDS"]
 
 
-@click.command()
+@click.command(short_help="Write a simulated recording and its needle, to try things on.")
 @output_folder("simulated", "sweep.igs.mha, needle.toml and truth.json")
 @click.option(
     "--probe",
@@ -76,13 +78,15 @@ __all__ = ["COMMANDS"]
     "--overlay", is_flag=True, help="Draw text and a ruler over the images, as in a screen capture."
 )
 @seed("everything random")
-def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
+@OVERWRITE
+def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options: Any) -> None:
     """Write a simulated recording with known truth: sweep.igs.mha, needle.toml, truth.json."""
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
-    from sonocal.simulation.sweep_files import write_sweep
+    from sonocal.simulation.sweep_files import SWEEP_FILES, write_sweep
     from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, SMALL_PARTS_BATH, Look
     from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
 
+    reserve(*(output / name for name in SWEEP_FILES))
     probes: dict[str, Callable[[], ProbeGeometry]] = {
         "curvilinear": curvilinear,
         "linear": linear,
@@ -93,11 +97,11 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
     sweep = simulate_sweep(probes[probe](), appearance, SweepOptions(**options))
     with progress("images") as report:
         paths = write_sweep(sweep, output, report)
-    click.echo(f"Wrote {', '.join(str(path) for path in paths)}")
-    click.echo(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
+    say(f"Wrote {', '.join(str(path) for path in paths)}")
+    say(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
 
 
-@click.command()
+@click.command(short_help="Find the needle in a recording's images.")
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @LINES
 @click.option(
@@ -111,7 +115,10 @@ def simulate(output: Path, probe: str, look: str, **options: Any) -> None:
 @PROBE
 @LATENCY
 @INVALID
-def detect(recording: Path, lines: Path | None, output: Path, sheet: Path | None, **options: Any) -> None:
+@OVERWRITE
+def detect(
+    recording: Path, lines: Path | None, output: Path, sheet: Path | None, *, overwrite: bool, **options: Any
+) -> None:
     """Find the needle in a recording's images: several candidates an image, best first, as a table of sightings.
 
     At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
@@ -129,11 +136,14 @@ def detect(recording: Path, lines: Path | None, output: Path, sheet: Path | None
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
+    files = [output, *([] if sheet is None else [sheet])]
+    reserve(*files)
     loaded = read_recording(recording, options["poses"], options["latency_s"], options["on_invalid"])
     known, fixed = read_lines(lines)
     with progress("detecting") as report:
         look = detection.DetectionOptions(**looking(loaded, options))
         found = detection.detect(loaded, look, report)
+    reserve(*files)
     if sheet is not None:
         write_atomically(sheet, png(contact_sheet(loaded, found)))
     if len(found) == 0:
@@ -142,7 +152,7 @@ def detect(recording: Path, lines: Path | None, output: Path, sheet: Path | None
         loaded, known, found, Posing(options["probe"], fixed, options["on_invalid"])
     ).observations
     write_observations(table, output)
-    click.echo(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
+    say(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
 
 
 COMMANDS = [simulate, detect]

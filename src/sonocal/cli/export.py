@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from sonocal.cli.options import FILE, console
+from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["export"]
 
 
-@click.command()
+@click.command(short_help="Write a calibration for PLUS, ITK or 3D Slicer.")
 @click.argument("calibration", metavar="CALIBRATION", type=FILE)
 @click.option(
     "--to",
@@ -33,8 +35,17 @@ __all__ = ["export"]
 @click.option(
     "--probe", default="Probe", show_default=True, help="plus: what the device set calls the probe's marker."
 )
-def export(  # noqa: PLR0917 - one argument an option
-    calibration: Path, form: str, output: Path, into: Path | None, image: str, probe: str
+@click.option("--force", is_flag=True, help="Export what the verdict says not to use, too.")
+@OVERWRITE
+def export(
+    calibration: Path,
+    form: str,
+    output: Path,
+    into: Path | None,
+    *,
+    force: bool,
+    overwrite: bool,
+    **frames: str,
 ) -> None:
     """Write a calibration (calibration.json) for other software.
 
@@ -52,10 +63,19 @@ def export(  # noqa: PLR0917 - one argument an option
 
     if form != "plus" and into is not None:
         raise click.UsageError("--into is for --to plus")
+    reserve(output)
     loaded = load_calibration(calibration)
-    write_atomically(output, _content(loaded, form, output, into, (image, probe)))
-    console().print(verdict_text(give_verdict(loaded)))
-    click.echo(f"Wrote {output}")
+    verdict = give_verdict(loaded)
+    if verdict.level == "stop" and not force:
+        raise InputError(
+            f"{calibration}: is not exported, since its verdict is {verdict.headline!r} ({', '.join(verdict.codes)}; "
+            "sonocal info says more); mend what it names and calibrate again, or export it all the same with --force"
+        )
+    content = _content(loaded, form, output, into, (frames["image"], frames["probe"]))
+    reserve(output)
+    write_atomically(output, content)
+    console().print(verdict_text(verdict))
+    say(f"Wrote {output}")
 
 
 def _content(

@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import click
-
 from sonocal.cli.options import (
     given,
     progress,
     typed,
 )
+from sonocal.cli.outputs import reserve
+from sonocal.cli.screen.plain import say
+from sonocal.cli.told import refuse_units, unit_doubts
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
@@ -24,12 +25,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "OF_DETECTION",
+    "SHEET",
+    "TABLE",
     "Result",
     "from_recording",
     "looking",
 ]
 
-TABLE, SHEET = "observations.csv", "contact-sheet.png"
+TABLE, SHEET, REFUSED_SHEET = "observations.csv", "contact-sheet.png", "refused-contact-sheet.png"
 OF_DETECTION, FILES = ("count", "centre", "mask"), ("points", "poses", "mask")
 BY_DATA = ("threshold_mm", "weighting")
 """Left to what suits lines and images, unless asked for: lines that are close to one another ask for less."""
@@ -67,6 +70,8 @@ def from_recording(
         )
     recording = read_recording(source, recorded["poses"], recorded["latency_s"], recorded["on_invalid"])
     known, fixed = read_lines(lines)
+    refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
+    refuse_units(lines.name, unit_doubts(lines=known), accepted=recorded["accept_units"])
     how = options | {"fixed": fixed} | {name: recorded[name] for name in ("probe", "on_invalid")}
     if recorded["points"] is not None:
         result = _from_points(recording, known, recorded["points"], how)
@@ -102,7 +107,6 @@ def _from_points(recording: Recording, lines: Sequence[Line], points: Path, how:
 
 def _from_images(recording: Recording, lines: Sequence[Line], output: Path, how: dict[str, Any]) -> Result:
     """Find the needle in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
-    from sonocal.files import write_into_folder
     from sonocal.files.png import png
     from sonocal.sweep import Sweep
     from sonocal.sweep.contact_sheet import contact_sheet
@@ -113,11 +117,20 @@ def _from_images(recording: Recording, lines: Sequence[Line], output: Path, how:
     try:
         found = sweep.calibrate(seen)
     except SonocalError:
-        write_into_folder(output, {SHEET: png(contact_sheet(recording, seen))})
-        click.echo(f"Note: {output / SHEET} shows the candidates", err=True)
+        _show_candidates(output, png(contact_sheet(recording, seen)))
         raise
     sheet = png(contact_sheet(recording, seen, found.observations))
     return Result(found.observations, found.calibration, {SHEET: sheet})
+
+
+def _show_candidates(output: Path, sheet: bytes) -> None:
+    """Where no calibration was found: a sheet of what there was to choose from, beside no other run's calibration."""
+    from sonocal.files import write_into_folder
+
+    name = REFUSED_SHEET if (output / "calibration.json").exists() else SHEET
+    reserve(output / name, replaced=name == REFUSED_SHEET)
+    write_into_folder(output, {name: sheet})
+    say(f"Note: {output / name} shows the candidates", err=True)
 
 
 def _with_provenance(
@@ -128,7 +141,9 @@ def _with_provenance(
 
     files = {**inputs, **{name: recorded[name] for name in FILES if recorded[name] is not None}}
     unused = OF_DETECTION if "points" in files else ()
-    options = {name: value for name, value in recorded.items() if name not in (*FILES, *unused)}
+    options = {
+        name: value for name, value in recorded.items() if name not in (*FILES, *unused, "accept_units")
+    }
     provenance = found.provenance | {
         "input": rows.source,
         "sha256": rows.sha256,

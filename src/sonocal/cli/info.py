@@ -16,6 +16,7 @@ from sonocal.cli.options import (
     console,
     progress,
 )
+from sonocal.cli.screen.plain import say_json
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
@@ -31,7 +32,7 @@ Shown = tuple[Any, Callable[[], None]]
 """What --json prints, and what prints the rest."""
 
 
-@click.command()
+@click.command(short_help="Show what is in a file, and what is wrong with it.")
 @click.argument("file", metavar="FILE", type=FILE)
 @POSES
 @LATENCY
@@ -52,10 +53,7 @@ def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_js
     else:
         record, show = _SCREENS[found.kind](file.name, found.read(file))
     if as_json:
-        import msgspec
-
-        encoded = msgspec.json.encode(record, enc_hook=lambda array: array.tolist())
-        click.echo(msgspec.json.format(encoded, indent=1).decode())
+        say_json(record)
     else:
         show()
 
@@ -72,14 +70,11 @@ def _recording(file: Path, poses: Path | None, latency_s: float, *, quick: bool)
 
 
 def _calibration(_: str, found: Calibration) -> Shown:
-    import msgspec
-
     from sonocal.calibration import calibration_json
     from sonocal.cli.report import json_with_verdict
     from sonocal.cli.screen.calibration import print_calibration
 
-    whole = json_with_verdict(found, calibration_json(found))
-    return msgspec.Raw(whole), lambda: print_calibration(console(), found)
+    return json_with_verdict(found, calibration_json(found)), lambda: print_calibration(console(), found)
 
 
 def _observations(_: str, found: Observations) -> Shown:

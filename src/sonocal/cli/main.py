@@ -12,6 +12,7 @@ from sonocal.cli.demo import demo
 from sonocal.cli.detection import COMMANDS
 from sonocal.cli.export import export
 from sonocal.cli.info import info
+from sonocal.cli.screen.plain import harmless
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
 from sonocal.cli.validate import validate
@@ -27,7 +28,7 @@ class _Commands(click.Group):
         try:
             return super().invoke(ctx)
         except SonocalError as error:
-            raise click.ClickException(str(error)) from None
+            raise click.ClickException(harmless(str(error))) from None
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -151,9 +151,9 @@ def given(names: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, Any]:
 
 def console() -> Console:
     """Where results are printed."""
-    from rich.console import Console
+    from sonocal.cli.screen.terminal import Terminal
 
-    return Console(highlight=False)
+    return Terminal(highlight=False)
 
 
 @contextmanager

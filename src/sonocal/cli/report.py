@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import click
-
+from sonocal.cli.screen.plain import say
 from sonocal.errors import UnsupportedError
 
 if TYPE_CHECKING:
@@ -40,18 +39,18 @@ def report_files(
     try:
         return {"report.html": report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
     except UnsupportedError as error:
-        click.echo(f"Note: {error}", err=True)
+        say(f"Note: {error}", err=True)
         return {}
 
 
-def json_with_verdict(calibration: Calibration, content: bytes) -> bytes:
-    """A calibration's file, with the verdict beside its fields, for programs."""
+def json_with_verdict(calibration: Calibration, content: bytes) -> dict[str, Any]:
+    """A calibration's file, with the verdict and what no scan shows beside its fields, for programs."""
     import msgspec
 
-    from sonocal.validation import give_verdict
+    from sonocal.validation import cannot_show, give_verdict
 
-    record = msgspec.json.decode(content) | {"verdict": give_verdict(calibration)}
-    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
+    record: dict[str, Any] = msgspec.json.decode(content)
+    return record | {"verdict": give_verdict(calibration), "cannot_show": cannot_show(calibration)}
 
 
 def pictures(result: Result) -> list[FrameImage]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sonocal.cli.outputs import reserve
+from sonocal.cli.screen.plain import say, say_json
 from sonocal.errors import UnsupportedError
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ __all__ = ["study"]
 LINE_EVERY_S = 10.0
 
 
-@click.command()
+@click.command(short_help="Answer a question of practice by thousands of simulated trials.")
 @click.argument("name", metavar="[NAME|FILE.toml]", required=False)
 @click.option(
     "-o",
@@ -67,11 +69,13 @@ def study(
     if name is None:
         for each in built_in_names():
             loaded = load_study(each)
-            click.echo(f"{each:20s} {loaded.question or loaded.title}")
+            say(f"{each:20s} {loaded.question or loaded.title}")
         return
     changes = {"trials": trials, "seed": seed}
     loaded = load_study(name, **{key: value for key, value in changes.items() if value is not None})
     folder = output or Path(f"study-{loaded.name}")
+    if not (folder / "manifest.json").exists():
+        reserve(*(folder / name for name in ("summary.csv", "summary.json", f"{loaded.name}.png")))
     with _workers(workers, scheduler) as who, _progress(loaded.name) as progress:
         store = run_study(loaded, folder, who, progress=progress)
     rows = summarise(store)
@@ -79,12 +83,12 @@ def study(
     if as_json:
         from sonocal.studies.summary import summary_json
 
-        click.echo(summary_json(store, rows), nl=False)
+        say_json(summary_json(store, rows))
         return
     from sonocal.cli.screen.study import print_study
 
     print_study(loaded, rows)
-    click.echo(f"Wrote {', '.join(str(folder / file) for file in written)}")
+    say(f"Wrote {', '.join(str(folder / file) for file in written)}")
 
 
 def _workers(workers: int | None, scheduler: str | None) -> AbstractContextManager[Workers]:
@@ -105,7 +109,7 @@ def _write(folder: Path, store: Store, rows: list[Row], *, figure: bool) -> list
         try:
             files[f"{store.study.name}.png"] = figure_png(store, rows)
         except UnsupportedError as error:
-            click.echo(f"Note: {error}", err=True)
+            say(f"Note: {error}", err=True)
     write_into_folder(folder, files)
     return list(files)
 
@@ -113,10 +117,11 @@ def _write(folder: Path, store: Store, rows: list[Row], *, figure: bool) -> list
 @contextmanager
 def _progress(name: str) -> Iterator[Callable[[int, int], None]]:
     """Progress with the time left, on stderr."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
+    from sonocal.cli.screen.terminal import Terminal
+
+    console = Terminal(stderr=True)
     if not console.is_terminal:
         yield _lines(name)
         return
@@ -144,6 +149,6 @@ def _lines(name: str) -> Callable[[int, int], None]:
             return
         shown = now
         left = (now - start) * (total - done) / (done - before)
-        click.echo(f"{name}: {done} of {total} trials, {left:.0f} s left", err=True)
+        say(f"{name}: {done} of {total} trials, {left:.0f} s left", err=True)
 
     return report

@@ -14,13 +14,15 @@ from sonocal.cli.options import (
     console,
     seed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say, say_json
+from sonocal.cli.told import ACCEPT_UNITS, refuse_units
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.recording import Recording
     from sonocal.tools import (
         Stylus,
-        ToolCalibration,
     )
 
 __all__ = ["tool"]
@@ -55,7 +57,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
             self.fail(f"{value!r} is neither three numbers in mm nor a file", param, ctx)
 
 
-@click.command()
+@click.command(short_help="Find where a tool's tip and shaft are in its marker's frame.")
 @click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
 @click.option(
     "--tool", "tool_name", default="Needle", show_default=True, help="What the tool's marker is called."
@@ -83,9 +85,19 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 @click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
 @INVALID
+@ACCEPT_UNITS
 @seed("the random triples of poses")
+@OVERWRITE
 @JSON
-def tool(recording: Path | None, *, output: Path | None, as_json: bool, **options: Any) -> None:
+def tool(
+    recording: Path | None,
+    *,
+    output: Path | None,
+    overwrite: bool,
+    accept_units: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Calibrate a tracked tool: where its tip and its shaft are in its marker's frame.
 
     \b
@@ -112,17 +124,21 @@ def tool(recording: Path | None, *, output: Path | None, as_json: bool, **option
     )
 
     _refuse_half_a_stylus(options)
+    reserve(*([] if output is None else [output]))
     options |= _parts(recording, options)
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
     found = calibrate_tool(options.pop("tool_name"), **options)
+    source = next(part.name for name in ("first", "spin") if (part := options.get(name)) is not None)
+    refuse_units(source, found.diagnostics, accepted=accept_units)
     if output is not None:
+        reserve(output)
         write_atomically(output, tool_toml(found, str(output)))
     if as_json:
-        click.echo(_json(found))
+        say_json(found)
         return
     print_tool(console(), found)
     if output is not None:
-        click.echo(f"Wrote {output}")
+        say(f"Wrote {output}")
 
 
 def _refuse_half_a_stylus(options: dict[str, Any]) -> None:
@@ -168,11 +184,3 @@ def _stylus(name: str | None, tip: tuple[float, ...] | Path | None) -> Stylus | 
     if name is None or tip is None:
         return None
     return Stylus(name, stylus_tip(tip, name) if isinstance(tip, Path) else np.array(tip))
-
-
-def _json(found: ToolCalibration) -> str:
-    import msgspec
-
-    return msgspec.json.format(
-        msgspec.json.encode(found, enc_hook=lambda array: array.tolist()), indent=1
-    ).decode()

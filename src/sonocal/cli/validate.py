@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,9 @@ from sonocal.cli.options import (
     console,
     seed,
 )
+from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.screen.plain import say, say_json
+from sonocal.cli.told import EXPECTED, MARKER_ABOVE, expected_rotation
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,7 +43,7 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
         return names[0], names[1], names[2]
 
 
-@click.command()
+@click.command(short_help="Say how far off a calibration is, on sightings or points.")
 @click.argument("calibration", metavar="CALIBRATION", type=FILE)
 @click.argument("table", metavar="INPUT", type=FILE)
 @click.option(
@@ -59,8 +63,11 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
 )
 @click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration.json.")
 @SCANNER
+@MARKER_ABOVE
+@EXPECTED
 @seed("the resampling")
 @NO_REPORT
+@OVERWRITE
 @JSON
 def validate(
     calibration: Path,
@@ -69,7 +76,10 @@ def validate(
     output: Path | None,
     compare: Path | None,
     scanner_mm_per_px: float | None,
+    marker_above_image: bool,
+    expected: Path | None,
     report: bool,
+    overwrite: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -87,25 +97,46 @@ def validate(
     from sonocal.calibration import load_calibration
     from sonocal.cli.report import report_files
     from sonocal.files import read_bytes, write_into_folder
+    from sonocal.validation.measured import comparison_findings
 
     found = load_calibration(calibration)
+    folder = calibration.parent if output is None else output
+    if report:
+        _reserve_report(folder, calibration, found)
     other = None if compare is None else load_calibration(compare)
     content = read_bytes(table)
     known = {
         "scanner_mm_per_px": scanner_mm_per_px,
-        "expected_rotation": None if other is None else other.probe_from_image.rotation,
+        "expected_rotation": expected_rotation(expected or compare),
+        "marker_above_image": marker_above_image,
     }
     numbers, rows = _numbers(found, content, table.name, known=known, **options)
     comparison = None if other is None else _compared(found, other)
+    if comparison is not None:
+        found_too = comparison_findings(found, comparison)
+        numbers = replace(numbers, diagnostics=(*numbers.diagnostics, *found_too))
     files = report_files(found, rows, numbers, comparison) if report else {}
-    folder = calibration.parent if output is None else output
     write_into_folder(folder, files)
     if as_json:
-        click.echo(_json(found, numbers, comparison))
+        say_json(_record(found, numbers, comparison))
         return
     _print(found, numbers, comparison)
     for name in files:
-        click.echo(f"Wrote {folder / name}")
+        say(f"Wrote {folder / name}")
+
+
+def _reserve_report(folder: Path, path: Path, calibration: Calibration) -> None:
+    """A report takes the place of an earlier one of the same calibration, and stands beside no other calibration."""
+    from sonocal.files import read_bytes
+    from sonocal.report import is_report_of
+
+    beside, page = folder / path.name, folder / "report.html"
+    for other in {folder / "calibration.json", beside}:
+        if other.exists() and not other.samefile(path):
+            raise InputError(
+                f"{folder}: holds another calibration, {other.name}; choose another folder with -o"
+            )
+    reserve(page, replaced=page.is_file() and is_report_of(read_bytes(page), calibration))
 
 
 def _numbers(
@@ -119,11 +150,12 @@ def _numbers(
     nwires: tuple[tuple[str, str, str], ...],
     seed: int,
 ) -> tuple[Validation, Observations | None]:
+    from sonocal.files.kinds import Head
     from sonocal.observations import parse_observations
     from sonocal.validation import parse_point_sightings, validate, validate_points
 
-    header = content.split(b"\n", 1)[0]
-    if crosswire or (b"x0_mm" not in header and b"u_px" in header):
+    header = Head(Path(name), content).columns
+    if crosswire or ("x0_mm" not in header and "u_px" in header):
         points: PointSightings = parse_point_sightings(content, name)
         return validate_points(calibration, points), None
     rows = parse_observations(content, name)
@@ -144,10 +176,8 @@ def _print(calibration: Calibration, numbers: Validation, comparison: Comparison
     print_validation(console(), calibration, numbers, comparison)
 
 
-def _json(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> str:
-    import msgspec
-
-    from sonocal.validation import give_verdict
+def _record(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> dict[str, Any]:
+    from sonocal.validation import cannot_show, give_verdict
 
     record: dict[str, Any] = {
         "verdict": give_verdict(calibration, numbers),
@@ -155,6 +185,7 @@ def _json(calibration: Calibration, numbers: Validation, comparison: Comparison 
         "sha256": numbers.sha256,
         "quantities": numbers.quantities,
         "diagnostics": numbers.diagnostics,
+        "cannot_show": cannot_show(calibration),
     }
     if comparison is not None:
         record["comparison"] = {
@@ -164,4 +195,4 @@ def _json(calibration: Calibration, numbers: Validation, comparison: Comparison 
             "p_value": comparison.p_value,
             "shared_input": comparison.shared_input,
         }
-    return msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
+    return record

@@ -149,7 +149,7 @@ def _look(body: bytes, name: str) -> _Found:
         parser.Parse(body, True)
     except UnicodeDecodeError as error:
         raise FormatError(f"{name}: byte {error.start} is not UTF-8; save the device set as UTF-8") from None
-    except expat.ExpatError as error:
+    except (expat.ExpatError, LookupError, ValueError) as error:  # of an encoding that is none, too
         raise FormatError(f"{name}: is not XML ({error})") from None
     return found
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import BinaryIO
 
@@ -14,12 +15,17 @@ from sonocal.errors import FormatError, InputError
 
 TEXT_LIMIT = 64 << 20
 """Largest text file (CSV, XML, TOML) read in one piece, bytes: hours of poses fit in it."""
+BYTES_LIMIT = 512 << 20
+"""Largest table of sightings or calibration read in one piece, bytes: four million rows fit in it."""
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn the failures of reading a file into an `InputError`."""
+    """Turn the failures of reading a file into an `InputError`; what is no file, and could keep one waiting, is one."""
     try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            raise InputError(f"{path}: is a pipe or a device; write what comes from it to a file first")
         yield
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; check the name and the folder") from None
@@ -118,10 +124,15 @@ def read_bytes(path: str | Path) -> bytes:
     """The content of a file.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or is larger than `BYTES_LIMIT`.
     """
-    with reading(Path(path)):
-        return Path(path).read_bytes()
+    path = Path(path)
+    if (size := file_size(path)) > BYTES_LIMIT:
+        raise InputError(
+            f"{path.name}: holds {size} bytes, and more than {BYTES_LIMIT} are no table; is it the right file?"
+        )
+    with reading(path):
+        return path.read_bytes()
 
 
 def write_atomically(path: str | Path, content: bytes) -> None:
@@ -135,20 +146,43 @@ def write_atomically(path: str | Path, content: bytes) -> None:
 
 
 def write_into_folder(folder: str | Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder, which is made if it is absent.
+    """Write files into a folder, which is made if it is absent: none appears before all of them are on the disk.
 
     Raises:
         InputError: the folder cannot be made or a file cannot be written.
     """
-    folder = Path(folder)
+    make_folder(folder)
+    with ExitStack() as stack:
+        for name, content in files.items():
+            file = stack.enter_context(writing(Path(folder) / name))
+            file.write(content)
+            file.flush()
+
+
+def make_folder(folder: str | Path) -> None:
+    """Make a folder, and those above it, if it is absent.
+
+    Raises:
+        InputError: it cannot be made.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be made a folder ({error.strerror}); choose another place"
         ) from None
-    for name, content in files.items():
-        write_atomically(folder / name, content)
+
+
+def remove(path: Path) -> None:
+    """Remove a file.
+
+    Raises:
+        InputError: it cannot be removed.
+    """
+    try:
+        path.unlink()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be replaced ({error.strerror}); choose another place") from None
 
 
 def _umask() -> int:

@@ -10,6 +10,7 @@ import csv
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -58,10 +59,11 @@ class Head:
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The cells of the first line, as the header of a CSV table has them; none where that is no text."""
+        """The cells of a CSV table's header: the first line that is no comment; none where that is no text."""
         if b"\0" in self.content:
             return ()
-        line = self.text.splitlines()[:1]
+        rows = (row for row in self.text.splitlines() if not row.lstrip().startswith(b"#") and row.strip())
+        line = [*islice(rows, 1)]
         try:
             cells = next(csv.reader([line[0].decode("utf-8", "replace")]), []) if line else []
         except csv.Error:

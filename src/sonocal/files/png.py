@@ -19,7 +19,9 @@ def png(pixels: Pixels) -> bytes:
     colour = 2 if pixels.ndim == 3 else 0
     lines = np.concatenate([np.zeros((rows, 1), np.uint8), pixels.reshape(rows, -1)], axis=1)
     header = struct.pack(">IIBBBBB", columns, rows, 8, colour, 0, 0, 0)
-    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes(), 9)), (b"IEND", b"")]
+    # Said in the file, so that a later run knows a picture of its own.
+    software = (b"tEXt", b"Software\0sonocal")
+    chunks = [(b"IHDR", header), software, (b"IDAT", zlib.compress(lines.tobytes(), 9)), (b"IEND", b"")]
     return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(kind, data) for kind, data in chunks)
 
 

@@ -15,6 +15,10 @@ from sonocal.errors import FormatError, InputError
 __all__ = ["Table", "cells_to_numbers", "csv_rows", "csv_text", "parse_table"]
 
 
+# Of a name or a remark, characters.
+LONGEST_TEXT = 200
+
+
 @dataclass(frozen=True)
 class Table:
     """A CSV table: its header, its cells column by column, and the file line of each row."""
@@ -31,9 +35,21 @@ class Table:
         """A column of numbers; empty cells give `blank` where it is given."""
         return cells_to_numbers(self.name, column, self.columns[column], self.lines, blank)
 
-    def text(self, column: str) -> NDArray[np.str_]:
-        """A column of text, without the blanks around it."""
-        return np.array([cell.strip() for cell in self.columns[column]], dtype=np.str_)
+    def text(self, column: str, *, stripped: bool = True) -> NDArray[np.str_]:
+        """A column of text, without the blanks around it if it is to be `stripped`.
+
+        Raises:
+            InputError: a cell is longer than a text may be.
+        """
+        cells = [cell.strip() if stripped else cell for cell in self.columns[column]]
+        longest = max(range(len(cells)), key=lambda row: len(cells[row]), default=0)
+        if cells and len(cells[longest]) > LONGEST_TEXT:
+            # NumPy gives every row the room of the longest: one long cell would take gigabytes.
+            raise InputError(
+                f"{self.name}, line {self.lines[longest]}, column {column}: holds {len(cells[longest])} characters, "
+                f"more than the {LONGEST_TEXT} that a text may have; shorten it, or leave the column out"
+            )
+        return np.array(cells, dtype=np.str_)
 
     def first_of(self, names: Iterable[str]) -> str | None:
         """The first of some names that is a column."""

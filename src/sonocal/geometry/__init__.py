@@ -1,5 +1,6 @@
 """Similarities, segments and lines, and the image among them: the nouns of the package."""
 
+from sonocal.geometry.arrays import FURTHEST, frozen, real_array
 from sonocal.geometry.image import (
     area_places,
     image_crossings,
@@ -18,16 +19,19 @@ from sonocal.geometry.transforms import (
 )
 
 __all__ = [
+    "FURTHEST",
     "Array",
     "AxisScaled",
     "Similarity",
     "area_places",
+    "frozen",
     "homogeneous_points",
     "image_crossings",
     "needle_in_image",
     "needle_in_volume",
     "predicted_needles",
     "predicted_points",
+    "real_array",
     "segment_directions",
     "similarity_errors",
 ]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
+from sonocal.geometry.arrays import frozen, real_array
 
 __all__ = [
     "Array",
@@ -40,9 +41,9 @@ def homogeneous_points(points: ArrayLike, what: str = "points") -> Array:
         (..., 3).
 
     Raises:
-        InputError: the last axis is neither 2 nor 3 long.
+        InputError: they are no numbers, or the last axis is neither 2 nor 3 long.
     """
-    array = np.asarray(points, dtype=float)
+    array = real_array(what, points)
     if array.ndim == 0 or array.shape[-1] not in (2, 3):
         raise InputError(f"{what} must have shape (..., 2) or (..., 3); got {array.shape}")
     if array.shape[-1] == 3:
@@ -75,6 +76,11 @@ class AxisScaled:
     rotation: Array
     translation: Array
     scales: Array
+
+    def __post_init__(self) -> None:
+        # Copies that nobody writes to: a transform does not change behind the back of what was computed with it.
+        for name in ("rotation", "translation", "scales"):
+            object.__setattr__(self, name, frozen(np.array(getattr(self, name), dtype=float)))
 
     @property
     def matrix(self) -> Array:
@@ -130,8 +136,8 @@ class Similarity(AxisScaled):
     """
 
     def __init__(self, rotation: ArrayLike, translation: ArrayLike, scale: ArrayLike) -> None:
-        rotation, translation = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
-        scale = np.asarray(scale, dtype=float)
+        rotation, translation = real_array("rotation", rotation), real_array("translation", translation)
+        scale = real_array("scale", scale)
         _check_parts(rotation, translation, scale)
         # For one transform np.repeat would take longer than everything else here.
         scales = np.array([float(scale)] * 3) if scale.ndim == 0 else np.repeat(scale[..., None], 3, axis=-1)

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sonocal.errors import InputError
-from sonocal.geometry import Array
+from sonocal.errors import InputError, require
+from sonocal.geometry import FURTHEST, Array, frozen, real_array
+from sonocal.observations.image_size import checked_size
 
 __all__ = [
     "Observations",
@@ -44,6 +45,7 @@ class Observations:
         sigma_px: (N,) standard deviation of the point, px, or None when unknown.
         sigma_mm: (N,) standard deviation of the segment's end points, mm, or None when unknown.
         extra: further columns of the file, as text, kept for writing.
+        image_size_px: ``(width, height[, depth])`` of the images that the points are in, or None when unknown.
         source: the name that messages give the table.
         lines: (N,) line of each row in the file, for messages.
         sha256: digest of the file, or "".
@@ -61,14 +63,17 @@ class Observations:
     sigma_px: Array | None = None
     sigma_mm: Array | None = None
     extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    image_size_px: tuple[int, ...] | None = None
     source: str = "observations"
     lines: NDArray[np.int64] | None = None
     sha256: str = ""
 
     def __post_init__(self) -> None:
         # Copies: what happens to the arrays given is no matter of the table's.
-        points = np.array(self.points_px, dtype=float, order="C")
-        segments = np.array(self.segments_mm, dtype=float, order="C")
+        points, segments = (
+            np.array(real_array(f"{self.source}: {name}", getattr(self, name)), order="C")
+            for name in ("points_px", "segments_mm")
+        )
         if points.ndim != 2 or points.shape[1] not in (2, 3):
             raise InputError(f"{self.source}: points_px must have shape (N, 2) or (N, 3); got {points.shape}")
         count = len(points)
@@ -84,6 +89,11 @@ class Observations:
         for name in ("sigma_px", "sigma_mm"):
             if getattr(self, name) is not None:
                 self._set_column(name, getattr(self, name), np.float64)
+        require(self.extra, Mapping, "a mapping from names to columns, for extra,")
+        self._set("extra", {name: self._extra(name, column) for name, column in self.extra.items()})
+        if self.image_size_px is not None:
+            size = checked_size(self.image_size_px, self.dimension, f"{self.source}: image_size_px")
+            self._set("image_size_px", size)
         self._check_values()
 
     def __len__(self) -> int:
@@ -110,6 +120,7 @@ class Observations:
         """
         table = object.__new__(cls)
         defaults: dict[str, Any] = {"sigma_px": None, "sigma_mm": None, "extra": {}, "lines": None}
+        defaults["image_size_px"] = None
         for name, column in {
             **defaults,
             "points_px": points_px,
@@ -128,8 +139,15 @@ class Observations:
         return table
 
     def select(self, rows: ArrayLike) -> Observations:
-        """The table of some rows, given by a mask or by indices."""
-        index = np.arange(len(self))[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
+        """The table of some rows, given by a mask or by indices.
+
+        Raises:
+            InputError: they are neither, or not of this table.
+        """
+        try:
+            index = np.arange(len(self))[np.asarray(rows, dtype=None if np.size(rows) else np.int64)]
+        except (IndexError, ValueError) as error:
+            raise InputError(f"{self.source}: has no such rows ({error}); give a mask or indices") from None
         columns = {name: value[index] for name in COLUMNS if (value := getattr(self, name)) is not None}
         return self.with_sound(**columns, extra={name: column[index] for name, column in self.extra.items()})
 
@@ -152,27 +170,32 @@ class Observations:
         return f"{self.source}, line {self.lines[row]}"
 
     def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
+        object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
 
     def _set_column(self, name: str, values: ArrayLike, kind: type) -> None:
-        try:
-            column: NDArray[Any] = np.asarray(values).astype(
-                kind, casting="same_kind" if kind is np.int64 else "unsafe"
-            )
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{self.source}: {name} must be {kind.__name__}; {error}") from None
+        column = _column(f"{self.source}: {name}", values, kind)
         if column.shape != (len(self),):
             raise InputError(f"{self.source}: {name} must have shape ({len(self)},); got {column.shape}")
         self._set(name, column)
+
+    def _extra(self, name: str, values: ArrayLike) -> NDArray[Any]:
+        column = _column(f"{self.source}: extra column {name}", values, np.str_)
+        if not isinstance(name, str) or column.shape != (len(self),):
+            raise InputError(
+                f"{self.source}: extra column {name!r} must have a name and shape ({len(self)},); got {column.shape}"
+            )
+        return frozen(column)
 
     def _check_values(self) -> None:
         columns = dict(zip(("u_px", "v_px", "w_px"), self.points_px.T, strict=False))
         columns |= dict(zip(SEGMENT_COLUMNS, self.segments_mm.reshape(-1, 6).T, strict=True))
         for name, values in columns.items():
-            if (row := _first(~np.isfinite(values))) is not None:
+            if (row := _first(~(np.abs(values) < FURTHEST))) is not None:
+                what = (
+                    f"further than {FURTHEST:g} away" if np.isfinite(values[row]) else "not a finite number"
+                )
                 raise InputError(
-                    f"{self.where(row)}, column {name}: {values[row]} is not a finite number; "
-                    "leave out rows that were not seen"
+                    f"{self.where(row)}, column {name}: {values[row]} is {what}; leave out rows that were not seen"
                 )
         for name in ("sigma_px", "sigma_mm"):
             sigma = getattr(self, name)
@@ -207,6 +230,25 @@ class Observations:
         return int(first[inverse.reshape(-1)[second]]), second
 
 
+def _column(what: str, values: ArrayLike, kind: type) -> NDArray[Any]:
+    """A column of numbers, whole numbers or text, copied."""
+    if kind is np.float64:
+        return np.array(real_array(what, values))
+    if np.ma.isMaskedArray(values) and np.ma.count_masked(values):  # type: ignore[no-untyped-call]
+        raise InputError(f"{what}: some of the values are masked; leave out the rows that hold them")
+    word = "whole numbers" if kind is np.int64 else "text"
+    try:
+        given = np.asarray(values)
+        column: NDArray[Any] = given.astype(kind, casting="same_kind" if kind is np.int64 else "unsafe")
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{what} must be {word}; {error}") from None
+    if given.dtype.kind == "O" and (
+        odd := [x for x in given.flat if not isinstance(x, (str, int, np.generic))]
+    ):
+        raise InputError(f"{what} must be {word}; got objects such as {odd[0]!r}"[:200])
+    return column
+
+
 def stacked(tables: Sequence[Observations]) -> Observations:
     """Tables one after the other, their rows in the order of frames; none has a row of another.
 
@@ -218,7 +260,9 @@ def stacked(tables: Sequence[Observations]) -> Observations:
         parts = [getattr(table, name) for table in tables]
         whole = name != "lines" and all(part is not None for part in parts)
         columns[name] = np.concatenate(parts)[order] if whole else None
-    return tables[0].with_sound(**columns, extra={}, sha256="")
+    shared = [name for name in tables[0].extra if all(name in table.extra for table in tables)]
+    extra = {name: np.concatenate([table.extra[name] for table in tables])[order] for name in shared}
+    return tables[0].with_sound(**columns, extra=extra, sha256="")
 
 
 def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:

@@ -16,6 +16,7 @@ from sonocal.files.tables import (
     csv_text,
     parse_table,
 )
+from sonocal.observations.image_size import SIZE_COLUMNS, size_line, size_of, without_comments
 from sonocal.observations.table import _DEFAULT, SEGMENT_COLUMNS, Observations
 
 __all__ = ["as_file", "observations_csv", "parse_observations", "read_observations", "write_observations"]
@@ -23,14 +24,15 @@ __all__ = ["as_file", "observations_csv", "parse_observations", "read_observatio
 REQUIRED_COLUMNS = ("frame", "target", "u_px", "v_px", *SEGMENT_COLUMNS)
 
 
-KNOWN_COLUMNS = (*REQUIRED_COLUMNS, "w_px", "split", "sigma_px", "sigma_mm")
+KNOWN_COLUMNS = (*REQUIRED_COLUMNS, "w_px", "split", "sigma_px", "sigma_mm", *SIZE_COLUMNS)
 
 
 def read_observations(path: str | Path) -> Observations:
     """Read a table of sightings from a CSV file.
 
     Columns: ``frame, target, u_px, v_px[, w_px], x0_mm, y0_mm, z0_mm, x1_mm, y1_mm, z1_mm[, split]
-    [, sigma_px][, sigma_mm]``; further columns are kept as text.
+    [, sigma_px][, sigma_mm]``; further columns are kept as text. The size of the images is a comment line
+    ``# image_size_px: 820 616`` above the header, or the columns ``image_width_px, image_height_px[, image_depth_px]``.
 
     Args:
         path: the file.
@@ -53,8 +55,9 @@ def parse_observations(data: bytes, name: str) -> Observations:
         raise InputError(
             f"{name}: is empty; it needs a header with the columns {', '.join(REQUIRED_COLUMNS)}"
         )
-    table = parse_table(name, csv_text(name, data, "observations are"))
-    _check_header(name, table.header)
+    text, comments = without_comments(csv_text(name, data, "observations are"))
+    table = parse_table(name, text)
+    _check_header(name, table.header, 1 + max((line for line, _ in comments), default=0))
     table.need_rows("write one row a sighting")
     numbers = {
         column: table.numbers(column)
@@ -70,10 +73,11 @@ def parse_observations(data: bytes, name: str) -> Observations:
         sigma_px=numbers.get("sigma_px"),
         sigma_mm=numbers.get("sigma_mm"),
         extra={
-            column: np.array(cells, dtype=np.str_)
-            for column, cells in table.columns.items()
+            column: table.text(column, stripped=False)
+            for column in table.columns
             if column not in KNOWN_COLUMNS
         },
+        image_size_px=size_of(name, comments, table.columns, table.lines, 2 + ("w_px" in numbers)),
         source=name,
         lines=np.array(table.lines, dtype=np.int64),
         sha256=hashlib.sha256(data).hexdigest(),
@@ -107,7 +111,7 @@ def observations_csv(observations: Observations) -> bytes:
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
-    return ("\n".join(lines) + "\n").encode()
+    return (size_line(observations.image_size_px) + "\n".join(lines) + "\n").encode()
 
 
 class _Lines(list[str]):
@@ -121,21 +125,22 @@ class _Lines(list[str]):
 def as_file(observations: Observations, name: str) -> tuple[bytes, Observations]:
     """The text of a table's CSV file, and the table as reading it will give it: with the file's name and digest."""
     content = observations_csv(observations)
-    digest, lines = hashlib.sha256(content).hexdigest(), np.arange(len(observations)) + 2
+    first = 2 + (observations.image_size_px is not None)  # the header is on the line before
+    digest, lines = hashlib.sha256(content).hexdigest(), np.arange(len(observations)) + first
     return content, observations.with_sound(source=name, sha256=digest, lines=lines)
 
 
-def _check_header(name: str, header: Sequence[str]) -> None:
+def _check_header(name: str, header: Sequence[str], line: int) -> None:
     missing = [column for column in REQUIRED_COLUMNS if column not in header]
     if len(missing) == len(REQUIRED_COLUMNS):
         raise FormatError(
-            f"{name}, line 1: is not the header of an observation table; it needs the columns "
+            f"{name}, line {line}: is not the header of an observation table; it needs the columns "
             f"{', '.join(REQUIRED_COLUMNS)}, separated by commas"
         )
     if missing:
         plural = "s" if len(missing) > 1 else ""
         raise InputError(
-            f"{name}, line 1: lacks the column{plural} {', '.join(missing)}; the header has {', '.join(header)}"
+            f"{name}, line {line}: lacks the column{plural} {', '.join(missing)}; the header has {', '.join(header)}"
         )
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
+from sonocal.geometry.units import place_hints, unit_doubt
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import RIGID_TOLERANCE, Poses, rigidity_error
 
-__all__ = ["Summary", "ToolSummary", "health", "summarize"]
+__all__ = ["Summary", "ToolSummary", "health", "summarize", "unit_findings"]
 
 Progress = Callable[[int, int], None]
 
@@ -101,11 +102,23 @@ def health(
     found = [*recording.diagnostics, *_stamps(recording.times)]
     for poses in recording.poses.values():
         found += _poses(poses)
+    found += unit_findings(recording)
     if recording.image is not None:
         found += _image_status(recording)
         if look_at_images:
             found += _repeated_images(recording, progress)
     return tuple(found)
+
+
+def unit_findings(recording: Recording) -> Iterator[Diagnostic]:
+    """The doubt that the poses of a recording are in mm."""
+    hints = [
+        hint
+        for poses in recording.poses.values()
+        if "Image" not in (poses.source, poses.target)
+        for hint in place_hints(poses.plus_name, poses.matrices[poses.valid])
+    ]
+    yield from unit_doubt(hints, f"{recording.name}: ")
 
 
 def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:

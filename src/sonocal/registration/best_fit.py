@@ -9,11 +9,13 @@ from sonocal.registration.ambiguity import better_of_mirrored
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
     near_degeneracy,
+    nearly_degenerate,
     refuse_degenerate_lines,
     refuse_free_motion,
     refuse_nearly_degenerate,
 )
 from sonocal.registration.fit import Fit
+from sonocal.registration.mirrored import refuse_mirrored_volume
 from sonocal.registration.options import Options
 from sonocal.registration.robust import MINIMAL_ROWS, fit_point_lines
 from sonocal.registration.rows import PointLineRows
@@ -31,9 +33,22 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     Raises:
         DegenerateGeometryError: the rows, or those that agree, leave a motion free.
         NoConsensusError: no transform agrees with enough rows.
+        MirroredVolumeError: one does when an axis of the volume is turned round.
 
     Source: paper sections 6 to 9.
     """
+    try:
+        return _best_fit(rows, options)
+    except (NoConsensusError, DegenerateGeometryError) as refusal:
+        # Rows that hold a motion loosely fit a mirrored volume as well.
+        if rows.dimension == 3 and nearly_degenerate(rows) is None:
+            agreed = getattr(refusal, "best_count", 0)
+            refuse_mirrored_volume(rows, options, agreed, lambda *other: _best_fit(*other)[0])
+        raise
+
+
+def _best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
+    """As `best_fit`, of rows as they stand."""
     # Rows that leave a motion free have no answer: refuse before fitting, and again once the outliers, which can
     # hide it, are known.
     refuse_degenerate_lines(rows)
@@ -42,7 +57,9 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
     except NoConsensusError as error:
         refuse_nearly_degenerate(rows, str(error))
         raise
-    if fit.least_information < SUSPICIOUS_INFORMATION and fit.inlier.any():
+    if not fit.inlier.any():
+        _refuse_scattered(rows, fit)
+    if fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(rows, fit.inlier)
     refuse_free_motion(fit.least_information)
     if not fit.converged:
@@ -54,11 +71,14 @@ def best_fit(rows: PointLineRows, options: Options) -> tuple[Fit, Fit | None]:
 
 def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
     """Raise for rows that agreed with a minimal sample, and agree no more with what fits all of them best."""
-    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
     agreeing = f"{np.count_nonzero(fit.inlier)} of {len(rows)} rows are within {fit.threshold_mm:.3g} mm of their lines"
+    refuse_nearly_degenerate(rows, f"only {agreeing} once refined")
+    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
     if near is not None:
         raise DegenerateGeometryError(
-            f"only {agreeing} once refined: {near.cause}, and of lines that did so exactly {near.free}; {near.advice}",
+            f"only {agreeing} once refined; check which tool's transform carried the lines, which way it goes, "
+            f"and that rows and poses are of the same instant; where they are: {near.cause}, and of lines that "
+            f"did so exactly {near.free}; {near.advice}",
             code=near.code,
         )
     raise NoConsensusError(

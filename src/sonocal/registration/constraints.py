@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, InputError
-from sonocal.geometry import Array, Similarity
+from sonocal.geometry import Array, Similarity, real_array
 from sonocal.registration.rows import PointLineRows
 
 __all__ = [
@@ -34,6 +34,8 @@ __all__ = [
     "rows",
 ]
 
+# Of coordinates, in whatever unit: their products are numbers still.
+LARGEST = 1e30
 # Singular values below this part of the largest, in coordinates of order one, count as zero.
 RANK_TOLERANCE = 1e-9
 
@@ -257,7 +259,7 @@ def _free_parts(x: Array, n: Array, d: Array) -> dict[str, str]:
                 f"growth about the point {_text(np.asarray(meeting, dtype=float))}"
             )
     _, spread, axes = np.linalg.svd(x - x.mean(axis=0), full_matrices=True)
-    if spread[1] <= RANK_TOLERANCE * spread[0]:
+    if len(spread) < 2 or spread[1] <= RANK_TOLERANCE * spread[0]:
         motions["points-on-one-line"] = f"rotation about the points' line along {_text(axes[0])} in the image"
     return motions
 
@@ -283,15 +285,22 @@ def _rows(points: Array, planes: Array, each: int, lines: PointLineRows | None =
     return Rows(np.ascontiguousarray(points), np.ascontiguousarray(planes), first, lines)
 
 
+def _numbers(values: ArrayLike, what: str) -> Array:
+    array = real_array(what, values)
+    if np.any(np.abs(array) > LARGEST):
+        raise InputError(f"{what} must be below {LARGEST:g} in size; got {np.abs(array).max():.3g}")
+    return array
+
+
 def _last(values: ArrayLike, size: int, what: str) -> Array:
-    array = np.asarray(values, dtype=float)
+    array = _numbers(values, what)
     if array.ndim != 2 or array.shape[1] != size:
         raise InputError(f"{what} must have shape (N, {size}); got {array.shape}")
     return array
 
 
 def _segments(values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=float)
+    array = _numbers(values, "segments")
     if array.shape[-2:] != (2, 3):
         raise InputError(f"segments must have shape (..., 2, 3), two points on each line; got {array.shape}")
     return array
@@ -300,7 +309,7 @@ def _segments(values: ArrayLike) -> Array:
 def _unit_planes(values: ArrayLike) -> Array:
     planes = _last(values, 4, "planes")
     lengths = np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-    if not np.all(lengths > 0):
+    if not np.all(lengths > 1.0 / LARGEST):
         raise InputError("a plane needs a normal of non-zero length")
     return np.asarray(planes / lengths)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal import _core
-from sonocal.errors import DegenerateGeometryError
+from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.geometry import Array, segment_directions
 from sonocal.registration.rows import PointLineRows
 
@@ -16,6 +16,7 @@ __all__ = [
     "NearDegeneracy",
     "direction_spread",
     "near_degeneracy",
+    "nearly_degenerate",
     "refuse_apparent",
     "refuse_degenerate_lines",
     "refuse_free_motion",
@@ -54,9 +55,15 @@ def refuse_degenerate_lines(rows: PointLineRows, chosen: NDArray[np.bool_] | Non
     Raises:
         DegenerateGeometryError: parallel lines, lines through one point, and in 2D coplanar lines or
             image points on one line; the sentence says what is free and what to scan next.
+        NoConsensusError: none counts.
 
     Source: paper section 7.
     """
+    if _count(rows, chosen) == 0:
+        raise NoConsensusError(
+            f"none of {len(rows)} rows is near its line; check that points are matched to the right lines",
+            best_count=0,
+        )
     extent = _core.extent(rows.core, chosen)
     if extent.direction_spread < EXACT_ANGLE:
         raise DegenerateGeometryError(
@@ -139,6 +146,12 @@ def near_degeneracy(rows: PointLineRows, chosen: NDArray[np.bool_]) -> NearDegen
     return nearest if nearest.nearness < 1 else None
 
 
+def nearly_degenerate(rows: PointLineRows) -> NearDegeneracy | None:
+    """The configuration that all rows are so near to that no fit of them can be sound; None where there is none."""
+    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
+    return near if near is not None and near.nearness < NEAREST else None
+
+
 def refuse_nearly_degenerate(rows: PointLineRows, found: str) -> None:
     """Raise if all rows are so near to a configuration of section 7 that no fit of them can be sound.
 
@@ -149,8 +162,8 @@ def refuse_nearly_degenerate(rows: PointLineRows, found: str) -> None:
     Raises:
         DegenerateGeometryError: with the configuration's code.
     """
-    near = near_degeneracy(rows, np.ones(len(rows), dtype=bool))
-    if near is not None and near.nearness < NEAREST:
+    near = nearly_degenerate(rows)
+    if near is not None:
         raise DegenerateGeometryError(
             f"{near.cause}, and of lines that did so exactly {near.free}; {found.partition(';')[0]}; {near.advice}",
             code=near.code,
@@ -216,8 +229,8 @@ def refuse_apparent(rows: PointLineRows, chosen: NDArray[np.bool_], apparent: fl
     near = near_degeneracy(rows, chosen)
     if near is None:
         raise DegenerateGeometryError(
-            f"what the {_count(rows, chosen)} rows that agree say of one motion of the image is no more than noise alone "
-            "would give; scan the needle tilted by 30 degrees or more, and at places all over the image",
+            f"what the {_count(rows, chosen)} rows that agree say of one motion of the image is no more than noise "
+            "alone would give; scan the needle tilted by 30 degrees or more, and at places all over the image",
             code="free-motion",
         )
     raise DegenerateGeometryError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,27 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows, to_core
 
-__all__ = ["Noise", "estimate_noise", "residual_vectors", "stretch_length"]
+__all__ = ["Drift", "Noise", "estimate_noise", "residual_vectors", "stretch_length"]
 
 # The place of the rows' own variance beside those of groupings, which count from 0.
 OWN = -1
+# Of a covariance; the core takes no larger one, and no such one means anything.
+MOST = 1e60
+
+
+@dataclass(frozen=True)
+class Drift:
+    """An offset of the lines that wanders from frame to frame and that neighbouring frames share.
+
+    Attributes:
+        memory_frames: frames after which its correlation has fallen to 1 / e.
+        stretches: as many independent errors it has shown.
+        gain: twice the logarithm of how much likelier it makes the residuals; by chance 3 in one scan of 20.
+    """
+
+    memory_frames: float
+    stretches: float
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -35,6 +52,7 @@ class Noise:
             from 0; at 1 nothing else need be there.
         shared_mm: by grouping ("frame", "target", "stretch"), of an offset that all rows of a group share. A
             grouping that the data cannot tell from the rest is absent.
+        drift: what is shared by stretches of frames; None where neighbours have nothing in common.
     """
 
     row_mm: float
@@ -44,6 +62,7 @@ class Noise:
     sigma_mm: float | None = None
     apparent: float = 0.0
     shared_mm: dict[str, float] = field(default_factory=dict)
+    drift: Drift | None = None
 
 
 def residual_vectors(transform: AxisScaled, points: Array, segments_mm: Array) -> Array:
@@ -56,6 +75,7 @@ def estimate_noise(
     fit: Fit,
     groupings: dict[str, NDArray[Any]],
     *,
+    time: Array | None = None,
     known_px: bool = False,
     known_mm: bool = False,
 ) -> Noise:
@@ -69,7 +89,8 @@ def estimate_noise(
 
     and the variances of e and b_g are those that make the sums of squares, total and between groups, equal
     to their expectations after the fit has taken its part (analysis of variance with the fit's 7 or 8
-    parameters as covariates).
+    parameters as covariates). Neighbouring frames may share an offset that wanders: an autoregression of the first
+    order, by restricted maximum likelihood, whose shape says how many independent errors there were.
 
     Noise is in J, too. An answer that is freed of its pull (`fit_point_lines`) is less sure than J'J says, which
     holds the noise's square; that is taken out, and what is unknown of the levels' ratio is added.
@@ -78,6 +99,7 @@ def estimate_noise(
         rows: points and lines.
         fit: of which only the agreeing rows count.
         groupings: by name: (N,) the group of each row, a number from 0 on.
+        time: (N,), one a frame, neighbouring frames some 1 apart; None: nothing is shared by neighbours.
         known_px: the image points' noise level was given. Residuals smaller than two given levels say do not
             shrink the covariance; levels estimated from the same residuals make it larger and less sure.
         known_mm: the segments' noise level was given; likewise.
@@ -91,7 +113,7 @@ def estimate_noise(
     freedom = 2 * int(np.count_nonzero(fit.inlier)) - k
     weighted = fit.weighting == "likelihood"
     sigma_px, sigma_mm = (fit.sigma_px, fit.sigma_mm) if weighted else (None, None)
-    if freedom <= 0 or not isfinite(fit.covariance.sum()):
+    if freedom <= 0 or not np.abs(fit.covariance).max() < MOST:
         return Noise(np.nan, np.full((k, k), np.nan), 0, sigma_px, sigma_mm)
     sums = _core.noise_sums(
         rows.core,
@@ -102,23 +124,33 @@ def estimate_noise(
         [np.ascontiguousarray(labels, dtype=np.int32) for labels in groupings.values()],
         known_px=known_px,
         known_mm=known_mm,
+        time=None if time is None else np.ascontiguousarray(time, dtype=float),
     )
-    variances = _variances(sums)
+    variances = _with_drift(_variances(sums), sums, list(groupings))
     unit, total = variances.pop(OWN), float(sums.observed[0])
     if weighted and known_px and known_mm:
         unit = max(unit, 1.0)
     covariance = unit * sums.covariance
     for place, variance in variances.items():
         covariance = covariance + variance * sums.of_offsets[place]
+    drift = sums.drift
+    if drift.gain > 0:
+        covariance = covariance + drift.unit * drift.of_offsets
+        # Student's t of few freedom has this variance, and nearly the normal's 95 % in units of it.
+        covariance = covariance * drift.freedom / (drift.freedom - 2.0)
     covariance = sums.widening @ covariance @ sums.widening.T + np.outer(sums.moved, sums.moved)
     squares = float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / freedom
     row_mm = sqrt(squares * unit * freedom / total) if total > 0 else 0.0
     apparent = sums.apparent if weighted else _apparent_of_unweighted(rows, fit, row_mm)
     names = list(groupings)
     shared_mm = {names[sums.kept[place]]: sqrt(variance) for place, variance in variances.items()}
+    wandering = None
+    if drift.gain > 0:
+        shared_mm["stretch"] = sqrt(drift.wander * drift.unit)
+        wandering = Drift(drift.memory, drift.stretches, drift.gain)
     # One level alone leaves a whole number to rounding: 5 must not come out as 4.
     whole = int(min(freedom, sums.freedom * (1.0 + 1e-9)))
-    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, apparent, shared_mm)
+    return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, apparent, shared_mm, wandering)
 
 
 def _apparent_of_unweighted(rows: PointLineRows, fit: Fit, row_mm: float) -> float:
@@ -127,8 +159,10 @@ def _apparent_of_unweighted(rows: PointLineRows, fit: Fit, row_mm: float) -> flo
         return 0.0
     levels = row_mm / (sqrt(2.0) * float(fit.transform.scales.mean())), row_mm
     options = replace(fit.options, weighting="likelihood").to_core(*levels)
-    about = to_core(fit.transform), options, row_mm**2 * fit.covariance, []
-    return _core.noise_sums(rows.core, fit.inlier, *about, known_px=False, known_mm=False).apparent
+    covariance = row_mm**2 * fit.covariance
+    return _core.noise_sums(
+        rows.core, fit.inlier, to_core(fit.transform), options, covariance, [], known_px=False, known_mm=False
+    ).apparent
 
 
 def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
@@ -149,6 +183,16 @@ def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
     return _core.stretch_length(
         np.ascontiguousarray(residuals, dtype=float), np.ascontiguousarray(frame, dtype=np.int32)
     )
+
+
+def _with_drift(variances: dict[int, float], sums: _core.NoiseSums, names: list[str]) -> dict[int, float]:
+    """The variances where a drift was found: it says what is left to single rows, and what it has of single frames."""
+    if not sums.drift.gain > 0:
+        return variances
+    others = {
+        place: one for place, one in variances.items() if place == OWN or names[sums.kept[place]] != "frame"
+    }
+    return others | {OWN: sums.drift.unit}
 
 
 def _variances(sums: _core.NoiseSums) -> dict[int, float]:

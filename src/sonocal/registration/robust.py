@@ -90,7 +90,8 @@ def _fit_coplanar(rows: PointLineRows, options: Options) -> Fit | None:
         _core.Table.of_planes(np.repeat(rows.points[order], 2, axis=0), planes, first),
         rows.core_options(options),
     )
-    if not found.found or found.inliers < COPLANAR_LINES:
+    shrunk = not (np.all(np.isfinite(found.translation)) and found.scales[0] > 0)
+    if not found.found or found.inliers < COPLANAR_LINES or shrunk:
         return None
     start = Similarity(found.rotation, found.translation, found.scales[0])
     away = np.linalg.norm(away_from_lines(start @ rows.points, rows.segments_mm), axis=1)

@@ -58,8 +58,8 @@ class PointLineRows:
         except ValueError as error:
             raise InputError(f"the rows cannot be fitted: {error}") from None
 
-    def select(self, chosen: NDArray[np.bool_]) -> PointLineRows:
-        """The rows of a mask; sightings are counted from 0 again."""
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PointLineRows:
+        """The rows of a mask, or of indices in their order; sightings are counted from 0 again."""
         sightings = self.sightings
         if sightings is not None:
             sightings = np.unique(sightings[chosen], return_inverse=True)[1].reshape(-1).astype(np.int32)

@@ -15,7 +15,9 @@ __all__ = [
     "WeakMotion",
     "point_covariance",
     "point_jacobian",
+    "quantile_95",
     "radius_95",
+    "scale_95",
     "weakest_motion",
 ]
 
@@ -80,9 +82,33 @@ def radius_95(covariances: Array, freedom: float = np.inf) -> Array:
     return np.asarray(np.sqrt(squared))
 
 
+def quantile_95(freedom: float = np.inf) -> float:
+    """Standard deviations on either side of a number that hold its true value in 95 of 100 cases (Student's t).
+
+    Args:
+        freedom: residuals to spare that the standard deviation rests on: few make it larger.
+    """
+    from scipy.special import stdtrit
+
+    return NORMAL_95 if np.isinf(freedom) else float(stdtrit(max(freedom, 1), 0.975))
+
+
+def scale_95(covariance: Array, freedom: float = np.inf) -> float:
+    """The 95 % uncertainty of the scale along u, as a share of it.
+
+    Args:
+        covariance: (k, k), of the tangent.
+        freedom: as of `quantile_95`.
+    """
+    return quantile_95(freedom) * float(np.sqrt(covariance[6, 6]))
+
+
 @dataclass(frozen=True, eq=False)
 class WeakMotion:
     """The motion of the image that the data hold least, at one standard deviation.
+
+    The motion is one of many that the covariance allows. How well its turn's angle, its shift or its scale are known is
+    another question, which all of them answer together: the deviations.
 
     Attributes:
         tangent: (k,), the motion.
@@ -92,6 +118,9 @@ class WeakMotion:
         shift_mm: (3,), how it moves the points' centre, along u, v and w.
         growth: (2,), its relative change of scale along u and along v.
         turn_rms_mm, shift_rms_mm, growth_rms_mm: what each of the three moves the points by.
+        turn_deviation_rad: of the rotation about the axis of ``turn_rad``, under the whole covariance.
+        shift_deviation_mm: of the points' centre along ``shift_mm``, likewise.
+        growth_deviation: of the log scale that the motion changes most, likewise.
     """
 
     tangent: Array
@@ -103,6 +132,9 @@ class WeakMotion:
     turn_rms_mm: float
     shift_rms_mm: float
     growth_rms_mm: float
+    turn_deviation_rad: float
+    shift_deviation_mm: float
+    growth_deviation: float
 
 
 def weakest_motion(transform: AxisScaled, covariance: Array, points: ArrayLike) -> WeakMotion:
@@ -125,10 +157,12 @@ def weakest_motion(transform: AxisScaled, covariance: Array, points: ArrayLike) 
 
     # Seen from the points' centre, so that a turn about a far origin does not pass for a shift.
     centre = x.mean(axis=0)
-    shift = point_jacobian(transform, centre[None], len(covariance))[0] @ tangent
+    at_centre = point_jacobian(transform, centre[None], len(covariance))[0]
+    shift = at_centre @ tangent
     from_centre = (x - centre) * transform.scales
     turn = transform.rotation.T @ tangent[:3]
     growth = np.array([tangent[6], tangent[-1]])
+    grown_most = (6, -1)[int(np.argmax(np.abs(growth)))]
     grown = from_centre * np.array([growth[0], growth[1], growth[0]])
     return WeakMotion(
         tangent=tangent,
@@ -140,7 +174,17 @@ def weakest_motion(transform: AxisScaled, covariance: Array, points: ArrayLike) 
         turn_rms_mm=_rms(np.cross(turn, from_centre)),
         shift_rms_mm=float(np.linalg.norm(shift)),
         growth_rms_mm=_rms(grown),
+        turn_deviation_rad=_deviation(covariance[:3, :3], tangent[:3]),
+        shift_deviation_mm=_deviation(at_centre @ covariance @ at_centre.T, shift),
+        growth_deviation=float(np.sqrt(covariance[grown_most, grown_most])),
     )
+
+
+def _deviation(covariance: Array, direction: Array) -> float:
+    """Standard deviation along a direction of any length; 0 where it has none."""
+    length = float(np.linalg.norm(direction))
+    unit = direction / length if length > 0 else direction
+    return float(np.sqrt(max(float(unit @ covariance @ unit), 0.0)))
 
 
 def _rms(vectors: Array) -> float:

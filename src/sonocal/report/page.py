@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import hashlib
 import io
 import re
 from collections.abc import Callable, Sequence
@@ -16,14 +17,14 @@ from sonocal.calibration.diagnostics import describe_motion
 from sonocal.errors import UnsupportedError
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
-from sonocal.registration.uncertainty import weakest_motion
+from sonocal.registration.uncertainty import scale_95, weakest_motion
 from sonocal.report import figures, views3d
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import DETECTED, RC, TRACKED
-from sonocal.validation import Comparison, Validation, give_verdict
+from sonocal.validation import CANNOT_SHOW, Comparison, Validation, cannot_show, give_verdict
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
-__all__ = ["report_html"]
+__all__ = ["is_report_of", "report_html"]
 
 
 def report_html(
@@ -56,17 +57,20 @@ def report_html(
             f"the report needs {error.name}, which is not installed; pip install 'sonocal[report]', or --no-report"
         ) from None
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["typeset"] = _typeset
     template = environment.from_string(files("sonocal.report").joinpath("page.html").read_text("utf-8"))
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
     page = template.render(
         title=title,
+        identity=_identity(calibration),
         verdict=give_verdict(calibration, validation),
         cal=calibration,
         validation=validation,
         comparison=comparison,
         errors=_errors(calibration),
+        standing=(CANNOT_SHOW, cannot_show(calibration)),
         findings=[*calibration.diagnostics, *(validation.diagnostics if validation else ())],
         figures=drawn,
         pictures=pictures,
@@ -79,6 +83,22 @@ def report_html(
         made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
     )
     return page.encode()
+
+
+def _typeset(sentence: str) -> str:
+    """A sentence of the terminal's letters in those of a page."""
+    return sentence.replace("+-", "\N{PLUS-MINUS SIGN}")
+
+
+def is_report_of(content: bytes, calibration: Calibration) -> bool:
+    """Whether the content of a file is a report of a calibration."""
+    return f'<meta name="calibration" content="{_identity(calibration)}">'.encode() in content
+
+
+def _identity(calibration: Calibration) -> str:
+    """What two calibrations differ by: the transform, and the table that it rests on."""
+    rests_on = str(calibration.provenance.get("sha256", "")).encode()
+    return hashlib.sha256(calibration.probe_from_image.matrix.tobytes() + rests_on).hexdigest()
 
 
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:
@@ -165,9 +185,11 @@ def _matrix_in_words(calibration: Calibration) -> list[str]:
         words.append(
             f"{name} ({meaning}) runs along the marker's {sign}{'xyz'[strongest]}, {angle:.0f}° off it."
         )
-    scales = transform.scales
+    scales, known = transform.scales, ""
+    if calibration.covariance is not None:
+        known = f" +- {100 * scale_95(calibration.covariance, calibration.noise.freedom):.2g} % (95 %)"
     words.append(
-        f"The scale, {scales[0]:.5f} mm/px, is inside the matrix."
+        f"The scale, {scales[0]:.5f} mm/px{known}, is inside the matrix."
         if calibration.model == "similarity"
         else f"The scales, {scales[0]:.5f} mm/px along u and {scales[1]:.5f} along v, are inside the matrix."
     )
@@ -178,7 +200,8 @@ def _weak_in_words(calibration: Calibration) -> str:
     if calibration.covariance is None:
         return ""
     corners = area_places(calibration.area_px)[:-1]
-    return describe_motion(weakest_motion(calibration.probe_from_image, calibration.covariance, corners))
+    motion = weakest_motion(calibration.probe_from_image, calibration.covariance, corners)
+    return describe_motion(motion, calibration.noise.freedom)
 
 
 def _provenance(calibration: Calibration, validation: Validation | None) -> list[tuple[str, str]]:

@@ -29,6 +29,7 @@ class Evidence:
         area_px: (2, d): the least and the greatest corner of the image.
         threshold_mm: rows within this distance agree.
         rms_mm: of the distances of the rows that agree.
+        tolerance_mm: error at the image's corners that is accepted.
     """
 
     observations: Observations
@@ -38,6 +39,7 @@ class Evidence:
     area_px: Array
     threshold_mm: float
     rms_mm: float
+    tolerance_mm: float = 2.0
 
     @property
     def transform(self) -> AxisScaled:
@@ -53,6 +55,13 @@ class Evidence:
     def parameters(self) -> int:
         """7, or 8 for one scale along u and one along v."""
         return 7 + (self.model == "anisotropic")
+
+    @cached_property
+    def seen_px(self) -> Array:
+        """(2, d): the box of the rows that agree, or of all where none does."""
+        points = self.observations.points_px
+        points = points[self.inlier] if self.inlier.any() else points
+        return np.array([points.min(axis=0), points.max(axis=0)])
 
     @cached_property
     def inlier(self) -> NDArray[np.bool_]:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array
-from sonocal.observations import Observations, group_codes
+from sonocal.observations import group_codes
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.setup_checks.evidence import Evidence
+from sonocal.setup_checks.lines_in_time import time_of, tracks_of
 
 __all__ = ["FEWEST_FRAMES", "Motion", "motion_of", "ridged"]
 
@@ -36,6 +37,7 @@ class Motion:
         velocity: (N, 3), mm a unit of time: of the needle's point that was seen, across the line; 0 where unknown.
         usable: (N,): whether it is known.
         unit: of time: "s", or "frames".
+        by_noise: (N, 2): what noise alone makes of the products of velocity with residual and with itself.
     """
 
     rows: NDArray[np.int64]
@@ -47,6 +49,7 @@ class Motion:
     velocity: Array
     usable: NDArray[np.bool_]
     unit: str
+    by_noise: Array | None = None
 
     @property
     def frames(self) -> int:
@@ -64,7 +67,12 @@ class Motion:
         columns = np.concatenate(
             [self.jacobian, self.velocity[:, :, None], self.residuals[:, :, None]], axis=2
         )
-        return np.asarray(columns.swapaxes(1, 2) @ columns)
+        products = np.asarray(columns.swapaxes(1, 2) @ columns)
+        if self.by_noise is not None:
+            products[:, -2, -1] -= self.by_noise[:, 0]
+            products[:, -1, -2] -= self.by_noise[:, 0]
+            products[:, -2, -2] -= self.by_noise[:, 1]
+        return products
 
     def summed(self, moments: Array, groups: NDArray[np.int64]) -> Array:
         """Moments (N, ...) of the rows' groups (N,), which are counted from 0 and all there, summed."""
@@ -88,7 +96,7 @@ def motion_of(evidence: Evidence) -> Motion | None:
     displaced = point_jacobian(evidence.transform, table.points[rows], evidence.parameters)
     directions = evidence.mapped.directions[rows]
     jacobian = displaced - directions[:, :, None] * (directions[:, None, :] @ displaced)
-    time, unit = _time(evidence.observations, rows)
+    time, unit = time_of(evidence.observations, rows)
     velocity, usable = _velocities(evidence, rows, time)
     return Motion(
         rows=rows,
@@ -108,22 +116,10 @@ def ridged(matrices: Array) -> Array:
     return np.asarray(matrices + RIDGE * np.eye(matrices.shape[-1]))
 
 
-def _time(observations: Observations, rows: NDArray[np.int64]) -> tuple[Array, str]:
-    """(N,): the column ``time_s`` where there is one, else the frame's number."""
-    if "time_s" in observations.extra:
-        try:
-            time = observations.extra["time_s"][rows].astype(float)
-        except ValueError:
-            time = np.full(len(rows), np.nan)
-        if np.all(np.isfinite(time)):
-            return time, "s"
-    return observations.frame[rows].astype(float), "frames"
-
-
 def _velocities(evidence: Evidence, rows: NDArray[np.int64], time: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Velocity (N, 3) across the line of the needle's point that was seen, from the sightings before and after."""
     segments, directions = evidence.table.segments_mm[rows], evidence.mapped.directions[rows]
-    track = _tracks(evidence)[rows]
+    track = tracks_of(evidence.observations, evidence.table)[rows]
     order = np.lexsort((time, track))
     ahead = (track[order[1:]] != track[order[:-1]]) | (time[order[1:]] > time[order[:-1]])
     order = order[np.concatenate([[True], ahead])]  # of sightings at one time the first
@@ -136,12 +132,3 @@ def _velocities(evidence: Evidence, rows: NDArray[np.int64], time: Array) -> tup
     velocity, usable = np.zeros((len(rows), 3)), np.zeros(len(rows), dtype=bool)
     velocity[here], usable[here] = moved - along[:, None] * directions[here], True
     return velocity, usable
-
-
-def _tracks(evidence: Evidence) -> NDArray[np.int64]:
-    """(N,): which needle of which split each row is a sighting of."""
-    split, target = evidence.observations.split, evidence.table.target
-    assert target is not None
-    if np.all(split == split[0]):
-        return target.astype(np.int64)
-    return group_codes(split, evidence.observations.target)

@@ -13,12 +13,20 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
+from sonocal.registration.mirrored import mirrored_volume
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
 from sonocal.setup_checks.evidence import Evidence
 
-__all__ = ["check_flip", "check_needle_end", "check_scale", "check_tool_frame"]
+__all__ = [
+    "check_flip",
+    "check_needle_end",
+    "check_scale",
+    "check_tool_frame",
+    "quick_fit",
+    "wrong_frame",
+]
 
 # A scale off by less moves the far corner of a 100 mm image by less than 1 mm.
 LEAST_SCALE_ERROR = 0.01
@@ -31,10 +39,18 @@ FLIPS = {
 }
 # The mirrored model must leave this much less of the squares: sound scans leave it far more.
 MIRRORED_BETTER = 0.5
+# Or bring the middle row this much closer, where outliers spoil the squares.
+FAR_CLOSER = 0.25
+# What rows agree within unless somebody says otherwise.
+USUAL_MM = 5.0
 BEYOND_END_MM = 5.0
 # Rows in no common frame agree by chance only; other frames are believed when they agree by much more.
 POOR_SHARE, GOOD_SHARE, GAIN = 0.5, 0.6, 0.25
 FEW_SAMPLES = 1000
+WHICH_FRAME = (
+    "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the same "
+    "instant"
+)
 
 
 def check_scale(evidence: Evidence, scanner_mm_per_px: float | tuple[float, float]) -> Iterator[Diagnostic]:
@@ -97,15 +113,11 @@ def check_flip(
 
 
 def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
-    mirrored = replace(evidence.table, points=evidence.table.points * [1.0, 1.0, -1.0])
-    other = _quick_fit(mirrored, evidence.threshold_mm)
+    other = _mirrored_fit(evidence)
     if other is None:
         return
     agree, others = int(evidence.inlier.sum()), int(other.inlier.sum())
     rms_mm = float(np.sqrt(np.mean(other.residuals_mm[other.inlier] ** 2)))
-    better = rms_mm**2 < MIRRORED_BETTER * evidence.rms_mm**2
-    if not (others > (1 + GAIN) * agree or (better and others >= agree)):
-        return
     yield Diagnostic(
         code="flipped-image",
         severity="warning",
@@ -115,6 +127,27 @@ def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
         ),
         advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
     )
+
+
+def _mirrored_fit(evidence: Evidence) -> Fit | None:
+    """The fit of the mirrored volume, if it is the better one."""
+    mirrored, agree = mirrored_volume(evidence.table), int(evidence.inlier.sum())
+    # A threshold that was to be found from rows of a mirrored volume is as wide as the volume.
+    for within_mm in sorted({evidence.threshold_mm, min(evidence.threshold_mm, USUAL_MM)}):
+        other = quick_fit(mirrored, within_mm)
+        if other is None:
+            continue
+        others, closer = int(other.inlier.sum()), _middle(other.residuals_mm, evidence.mapped.distances)
+        rms_mm = float(np.sqrt(np.mean(other.residuals_mm[other.inlier] ** 2)))
+        better = others >= agree and rms_mm**2 < MIRRORED_BETTER * evidence.rms_mm**2
+        if others > (1 + GAIN) * agree or better or closer < FAR_CLOSER:
+            return other
+    return None
+
+
+def _middle(distances: Array, others: Array) -> float:
+    """The median of all distances, outliers included, against that of others."""
+    return float(np.median(distances) / max(np.median(others), np.finfo(float).tiny))
 
 
 def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnostic]:
@@ -128,6 +161,10 @@ def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnost
         angle = np.arccos(np.clip(cosine, -1.0, 1.0))
         if angle < ORIENTATION_RAD:
             yield _flipped(f"against its expected orientation {what} ({np.degrees(angle):.0f} deg off that)")
+            return
+    angle = np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0))
+    if angle > ORIENTATION_RAD:
+        yield _flipped(f"against its expected orientation it is turned by {np.degrees(angle):.0f} deg")
 
 
 def _check_marker_side(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -179,7 +216,11 @@ def check_needle_end(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def check_tool_frame(
-    table: PointLineRows, *, tracker_from_probe: Array | None = None, threshold_mm: float = 5.0
+    table: PointLineRows,
+    *,
+    tracker_from_probe: Array | None = None,
+    threshold_mm: float = 5.0,
+    agreeing: float | None = None,
 ) -> Iterator[Diagnostic]:
     """Are the lines in the probe marker's frame?
 
@@ -187,8 +228,9 @@ def check_tool_frame(
         table: the rows to fit.
         tracker_from_probe: (N, 4, 4), the probe's pose of each row: tells which frame the lines are in instead.
         threshold_mm: rows further than this from their line do not agree.
+        agreeing: share of the rows that agree as they stand, where that is known already.
     """
-    share = _agreeing_share(table, threshold_mm)
+    share = _agreeing_share(table, threshold_mm) if agreeing is None else agreeing
     found: dict[str, float] = {}
     if tracker_from_probe is not None:
         inverse = np.linalg.inv(tracker_from_probe)
@@ -197,22 +239,20 @@ def check_tool_frame(
             found[where] = _agreeing_share(replace(table, segments_mm=moved), threshold_mm)
     best = max(found, key=lambda name: found[name]) if found else ""
     if found and found[best] > max(GOOD_SHARE, share + GAIN):
-        yield _wrong_frame(
+        yield wrong_frame(
             f"only {100 * share:.0f} % of the rows agree as they stand, and {100 * found[best]:.0f} % when the lines "
             f"are taken to be in {best}",
             "carry the lines into the probe marker's frame: probe_from_needle = probe_from_tracker @ "
             "tracker_from_needle, and mind which way each transform goes",
         )
     elif share < POOR_SHARE:
-        yield _wrong_frame(
-            f"only {100 * share:.0f} % of the rows agree, hardly more than rows in no common frame would",
-            "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the "
-            "same instant",
+        yield wrong_frame(
+            f"only {100 * share:.0f} % of the rows agree, hardly more than rows in no common frame would"
         )
 
 
 def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
-    found = _quick_fit(table, threshold_mm)
+    found = quick_fit(table, threshold_mm)
     if found is None:
         return 0.0
     # An image shrunk to nothing agrees with all lines that pass near one point.
@@ -220,7 +260,7 @@ def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
     return 0.0 if lengths < 2.0 * threshold_mm else float(found.inlier.mean())
 
 
-def _quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
+def quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
     """The fit of rows that may make no sense, from fewer samples; None where there is none."""
     try:
         return best_fit(table, Options(threshold_mm=threshold_mm, max_samples=FEW_SAMPLES))[0]
@@ -228,5 +268,6 @@ def _quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
         return None
 
 
-def _wrong_frame(message: str, advice: str) -> Diagnostic:
+def wrong_frame(message: str, advice: str = WHICH_FRAME) -> Diagnostic:
+    """The finding that lines are not in the frame that they are said to be in."""
     return Diagnostic(code="wrong-tool-frame", severity="warning", message=message, advice=advice)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sonocal.findings import Diagnostic
+from sonocal.findings import DECISIVE, Diagnostic
 from sonocal.geometry import Array
+from sonocal.setup_checks.copies import check_copies
 from sonocal.setup_checks.evidence import Evidence
-from sonocal.setup_checks.latency import latency_findings, latency_of
+from sonocal.setup_checks.late import lags_of
+from sonocal.setup_checks.latency import latency_of
 from sonocal.setup_checks.motion import motion_of
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
 from sonocal.setup_checks.slip import slip_findings
+from sonocal.setup_checks.units import check_units
 
 __all__ = ["check_setup"]
 
@@ -39,23 +42,28 @@ def check_setup(
         The findings; anisotropy is among those of the calibration itself.
     """
     findings = [
+        *check_units(evidence),
         *check_flip(evidence, expected_rotation=expected_rotation, marker_above_image=marker_above_image),
         *check_needle_end(evidence),
+        *check_copies(evidence),
         *_over_time(evidence, seed),
     ]
     if scanner_mm_per_px is not None:
         findings += check_scale(evidence, scanner_mm_per_px)
-    if tracker_from_probe is not None or np.count_nonzero(evidence.inlier) < 0.5 * len(evidence.inlier):
+    explained = any(one.code in DECISIVE for one in findings)
+    if tracker_from_probe is not None or not explained:
         findings += check_tool_frame(
-            evidence.table, tracker_from_probe=tracker_from_probe, threshold_mm=evidence.threshold_mm
+            evidence.table,
+            tracker_from_probe=tracker_from_probe,
+            threshold_mm=evidence.threshold_mm,
+            agreeing=float(np.mean(evidence.inlier)),
         )
     return tuple(findings)
 
 
 def _over_time(evidence: Evidence, seed: int) -> list[Diagnostic]:
     motion = motion_of(evidence)
-    if motion is None:
-        return []
-    latency = latency_of(motion)
+    latency = 0.0 if motion is None else latency_of(motion)
     # A latency leaves an order in time that a slip can be mistaken for, and not the other way round.
-    return [*latency_findings(motion, latency)] or [*slip_findings(motion, latency, seed)]
+    late = [*lags_of(evidence, motion, latency)]
+    return late if late or motion is None else [*slip_findings(motion, latency, seed)]

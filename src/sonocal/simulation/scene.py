@@ -89,6 +89,7 @@ def simulate_observations(
         points_px=places[..., :dimension].reshape(-1, dimension),
         segments_mm=segments[frame],
         frame=frame,
+        image_size_px=(IMAGE_PX,) * dimension,
         source=f"simulation (seed {seed})",
     )
     return SimulatedSightings(observations, truth, outlier[frame])

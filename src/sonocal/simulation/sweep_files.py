@@ -8,15 +8,16 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from sonocal.errors import InputError
-from sonocal.files import write_atomically
+from sonocal.files import make_folder, write_atomically
 from sonocal.recording import Frames
 from sonocal.recording.formats import write_recording
 from sonocal.recording.frames import Image
 from sonocal.simulation.sweep import SimulatedSweep
 from sonocal.targets import write_lines
 
-__all__ = ["write_sweep"]
+__all__ = ["SWEEP_FILES", "write_sweep"]
+
+SWEEP_FILES = ("sweep.igs.mha", "needle.toml", "truth.json")
 
 Progress = Callable[[int, int], None]
 
@@ -35,14 +36,8 @@ def write_sweep(sweep: SimulatedSweep, folder: str | Path, progress: Progress | 
     Raises:
         InputError: the folder or a file cannot be written.
     """
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be made a folder ({error.strerror}); choose another place"
-        ) from None
-    paths = [folder / name for name in ("sweep.igs.mha", "needle.toml", "truth.json")]
+    make_folder(folder)
+    paths = [Path(folder) / name for name in SWEEP_FILES]
     recording = replace(sweep.recording, frames=_Counted(sweep.recording.frames, progress))
     write_recording(recording, paths[0])
     write_lines(sweep.lines, paths[1])

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import read_text
+from sonocal.files.toml import read_toml_text
 from sonocal.studies.measures import QUANTITIES
 from sonocal.studies.methods import METHODS
 from sonocal.studies.scene import Scene
@@ -159,7 +159,7 @@ def load_study(name: str | Path, **changes: Any) -> Study:
     try:
         study = msgspec.toml.decode(text, type=Study)
         study = msgspec.convert(msgspec.to_builtins(study) | changes, Study)
-    except msgspec.DecodeError as error:  # a ValidationError too
+    except (msgspec.DecodeError, RecursionError) as error:  # a ValidationError too
         raise FormatError(f"{source}: {error}; docs/studies.md lists what a study may hold") from None
     _check(study, source)
     return study
@@ -173,7 +173,7 @@ def _text_of(name: str) -> tuple[str, str]:
         raise InputError(
             f"there is no study {name!r}; there are {', '.join(built_in_names())}, and any TOML file's name"
         )
-    return Path(name).name, read_text(Path(name), "a study")
+    return Path(name).name, read_toml_text(Path(name), "a study")
 
 
 def _check(study: Study, source: str) -> None:

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import read_bytes, write_atomically
+from sonocal.files import make_folder, read_bytes, write_atomically
 from sonocal.geometry import Array
 from sonocal.studies.definition import Study
 from sonocal.studies.scene import BLOCK_TRIALS
@@ -24,6 +24,8 @@ __all__ = ["FORMAT", "MANIFEST", "Store"]
 FORMAT, VERSION, MANIFEST = "sonocal-study", 1, "manifest.json"
 # Fields of a study that its results depend on; more trials only add to them.
 DECIDING = ("seed", "scene", "factors", "methods", "threshold_mm")
+# A manifest is written when so much of it is new: often enough, and not once for each of thousands of shards.
+GROWN = 0.1
 SHARD = re.compile(r"cell-(\d+)-trials-(\d+)-(\d+)\.npz")
 
 
@@ -56,14 +58,12 @@ class Store:
         self.folder, self.study = folder, study
         self._manifest = _Manifest(FORMAT, VERSION, version, msgspec.json.decode(msgspec.json.encode(study)))
         if (folder / MANIFEST).exists():
-            self._check_same(_read_manifest(folder / MANIFEST))
-        try:
-            (folder / "shards").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                f"{folder}: cannot be made a folder ({error.strerror}); choose another place"
-            ) from None
+            earlier = _read_manifest(folder / MANIFEST)
+            self._check_same(earlier)
+            self._manifest.shards = earlier.shards
+        make_folder(folder / "shards")
         self._write_manifest()
+        self._unlisted = 0
         self._runs: list[dict[int, int]] = [{} for _ in study.cells()]
         for path in sorted((folder / "shards").iterdir()):
             self._admit(path)
@@ -83,8 +83,10 @@ class Store:
         """Keep a run of trials of a cell."""
         content = io.BytesIO()
         np.savez(content, **results)  # type: ignore[arg-type]
-        write_atomically(self._shard(index, first, last), content.getvalue())
+        path = self._shard(index, first, last)
+        write_atomically(path, content.getvalue())
         self._runs[index][first] = max(last, self._runs[index].get(first, 0))
+        self._list(path.name, hashlib.sha256(content.getvalue()).hexdigest())
 
     def read(self, index: int, name: str, method: int | None = None) -> Array:
         """All trials of a cell, in their order.
@@ -128,18 +130,31 @@ class Store:
         }
         self._write_manifest()
 
+    def _list(self, name: str, digest: str) -> None:
+        """Keep a shard's digest; the manifest that holds all of them is written each time it has grown by a tenth."""
+        self._manifest.shards[name] = digest
+        self._unlisted += 1
+        if self._unlisted > GROWN * len(self._manifest.shards):
+            self._write_manifest()
+            self._unlisted = 0
+
     def _shard(self, index: int, first: int, last: int) -> Path:
         return self.folder / "shards" / f"cell-{index:03d}-trials-{first:08d}-{last:08d}.npz"
 
     def _admit(self, path: Path) -> None:
-        """Count a shard as done, unless it is damaged: then its trials are done again."""
+        """Count a shard as done, unless it is not what was written under its name: then its trials are done again."""
         match = SHARD.fullmatch(path.name)
         if not match:
             return
         index, first, last = (int(text) for text in match.groups())
-        if index >= len(self._runs) or first % BLOCK_TRIALS or not _sound(path):
+        if index >= len(self._runs) or first % BLOCK_TRIALS or not self._as_written(path):
             return
         self._runs[index][first] = max(last, self._runs[index].get(first, 0))
+
+    def _as_written(self, path: Path) -> bool:
+        """Whether a shard has the manifest's digest; of one that a killed run could not list, whether all is there."""
+        digest = self._manifest.shards.get(path.name)
+        return _sound(path) if digest is None else hashlib.sha256(read_bytes(path)).hexdigest() == digest
 
     def _check_same(self, other: _Manifest) -> None:
         mine, theirs = dict(self._manifest.study), dict(other.study)
@@ -164,7 +179,7 @@ class Store:
 def _read_manifest(path: Path) -> _Manifest:
     try:
         manifest = msgspec.json.decode(read_bytes(path), type=_Manifest)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
         raise FormatError(
             f"{path}: is not a study's manifest ({error}); choose another folder with -o"
         ) from None

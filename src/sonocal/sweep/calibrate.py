@@ -17,10 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Unpack
 
+import numpy as np
+
 from sonocal.calibration import Calibration, calibrate
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
-from sonocal.errors import InputError, NoConsensusError
+from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health
@@ -35,8 +37,10 @@ from sonocal.sweep.options import (
     telling_threshold_mm,
 )
 from sonocal.sweep.second_look import SecondLook
+from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
-from sonocal.targets import Line
+from sonocal.sweep.tracker_offset import with_tracker_offset
+from sonocal.targets import Line, require_lines
 
 __all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
 
@@ -115,6 +119,8 @@ class Sweep:
             InputError: the recording lacks images, nothing connects a line to the probe, or an option does not exist
                 or means nothing.
         """
+        require(recording, Recording, "a recording (see read_recording)")
+        require_lines(lines)
         asked = Options.for_lines(recording, lines, **options)
         detector = detector_of(recording, asked.detection)
         return cls(recording, lines, asked, detector, asked.posing.segments_mm(recording, lines))
@@ -136,9 +142,25 @@ class Sweep:
         again = self.options.second_look
         look = SecondLook(self.detector, self.lines, self.segments_mm, detections) if again else None
         most_mm = telling_threshold_mm(self.lines)
-        found = calibrate_chosen(table, self.options, images * len(self.lines), look, most_mm)
-        recorded = _as_recorded(found.calibration, self.recording, self.lines, self.options.probe)
+        total, across = images * len(self.lines), self._across()
+        suspects = _suspects(self.recording, self.lines, detections, self.options)
+        with suspects.explaining():
+            found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
+        judged = suspects.judging(found.calibration, found.used, found.sightings)
+        wider = with_tracker_offset(judged, found.observations, self.recording, self.options.posing)
+        recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
+
+    def _across(self) -> Array | None:
+        """(N, 2, 3): of the only needle, two axes across it that turn with it, in the probe marker's frame."""
+        if len(self.lines) > 1:
+            return None
+        line = self.lines[0]
+        along = line.segment_mm[1] - line.segment_mm[0]
+        turned = np.linalg.svd(along[None])[2][1:]  # an orthonormal rest
+        aside = [replace(line, name=f"aside {i}", segment_mm=line.segment_mm + turned[i]) for i in (0, 1)]
+        ends = self.options.posing.segments_mm(self.recording, aside)
+        return np.asarray((ends - self.segments_mm)[:, :, 0])
 
 
 def no_candidates(name: str, images: int) -> NoConsensusError:
@@ -169,6 +191,9 @@ def calibrate_points(
             exist or means nothing.
         DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
     """
+    require(recording, Recording, "a recording (see read_recording)")
+    require_lines(lines)
+    require(detections, Detections, "detections (see read_detections)")
     asked = PointsOptions.for_recording(recording, **options)
     if len(lines) > 1 and (detections.target == "").any():
         raise InputError(
@@ -176,9 +201,23 @@ def calibrate_points(
             "name one"
         )
     sightings = tabulate(recording, lines, detections, asked.posing)
-    found = calibrate(sightings.observations, **of_calibrate(asked))
-    found = found.with_findings(sightings.diagnostics)
+    suspects = _suspects(recording, lines, detections, asked)
+    with suspects.explaining():
+        found = calibrate(sightings.observations, **of_calibrate(asked))
+    found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
+        sightings.diagnostics
+    )
+    found = with_tracker_offset(found, sightings.observations, recording, asked.posing)
     return _as_recorded(found, recording, lines, asked.probe), sightings.observations
+
+
+def _suspects(
+    recording: Recording, lines: Sequence[Line], detections: Detections, options: PointsOptions
+) -> Suspects:
+    """What may be wrong, looked at within the threshold asked for, or what tells the lines apart."""
+    threshold = options.threshold_mm
+    within_mm = telling_threshold_mm(lines) if threshold == "auto" else float(threshold)
+    return Suspects(recording, tuple(lines), detections, options.posing, options, within_mm)
 
 
 def _as_recorded(

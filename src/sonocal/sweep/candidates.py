@@ -15,6 +15,7 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes, stacked
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
+from sonocal.registration.mirrored import refuse_mirrored_volume
 from sonocal.registration.noise import residual_vectors
 
 __all__ = ["Candidates", "Mask"]
@@ -86,6 +87,27 @@ class Candidates:
         options = replace(self.options, threshold_mm=self.within_mm if threshold_mm is None else threshold_mm)
         return best_fit(self._lines.select(chosen), options)[0]
 
+    def refuse_mirrored(self, agreeing: int, least: float) -> None:
+        """Name the mirror where it is why candidates in volumes were refused.
+
+        Args:
+            agreeing: how many sightings agreed as they stand.
+            least: how many must agree for an answer.
+
+        Raises:
+            MirroredVolumeError: far more agree in mirrored volumes.
+        """
+        if self.rows.dimension == 2:
+            return
+        options = replace(self.options, threshold_mm=self.within_mm)
+        for most in (1, len(self)):  # the best alone, then all
+            keep = self.rank < most
+            each = np.count_nonzero(keep) / np.unique(self.candidate[keep]).size
+            lines = self._lines.select(keep)
+            refuse_mirrored_volume(
+                lines, options, int(each * agreeing), lambda *one: best_fit(*one)[0], least=int(each * least)
+            )
+
     def nearest(self, transform: AxisScaled, closer_mm: float = np.inf) -> Mask:
         """(N,) rows of the nearest candidate of each sighting, where all of its points are within the threshold.
 
@@ -104,6 +126,16 @@ class Candidates:
         best = best[np.argsort(worst[best], kind="stable")]
         best = best[np.unique(self._place[best], return_index=True)[1]]
         return np.isin(self.candidate, best)
+
+    def places_mm(self, transform: AxisScaled) -> tuple[Array, Array]:
+        """(M, 3) mm, along the image's axes: the middle of each candidate; and its direction, zeros of points."""
+        points = self._lines.points * transform.scales
+        middle, ends = np.zeros((len(self), 3)), np.zeros((len(self), 3))
+        np.add.at(middle, self.candidate, points)
+        middle /= np.maximum(np.bincount(self.candidate, minlength=len(self)), 1)[:, None]
+        ends[self.candidate] = points - middle[self.candidate]  # of several points, the last one's
+        lengths = np.linalg.norm(ends, axis=1, keepdims=True)
+        return middle, ends / np.where(lengths > 0, lengths, 1.0)
 
     def agreeing(self, chosen: Mask) -> int:
         """How many sightings the chosen rows belong to."""

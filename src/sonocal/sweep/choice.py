@@ -16,20 +16,32 @@ import numpy as np
 from sonocal.calibration import Calibration, calibrate
 from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, SonocalError
+from sonocal.errors import (
+    DegenerateGeometryError,
+    InputError,
+    MirroredVolumeError,
+    NoConsensusError,
+    SonocalError,
+)
 from sonocal.findings import Diagnostic
-from sonocal.geometry import AxisScaled
+from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
+from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.sweep.candidates import Candidates, Mask
 from sonocal.sweep.options import of_calibrate, refuse_splits
+from sonocal.sweep.twin import Twin, find_twin, twin_findings
 
 __all__ = ["CandidateCalibration", "LookAgain", "calibrate_candidates", "calibrate_chosen"]
 
 ROUNDS = 10
 RANKS = (1, 2, 3, 5, 1000)
 ENOUGH = 0.5
-"""Share of the images that agree, from which no further ranks are tried."""
+"""Share of the images that agree, from which no further ranks are tried than the next."""
+SURE = 0.9
+"""Share from which not even the next is: an echo of the needle brighter than itself is in half of the images."""
 CHANCE_FACTOR = 3.0
+CLUTTER_FRAMES = 3
+"""Neighbouring images that show the same clutter: so many count once where chance is weighed."""
 LEAST_SIGHTINGS = 10
 LEAST_SHARE_OF_FEW = 0.8
 """Where there are few images."""
@@ -38,6 +50,11 @@ LEAST_SHARE_OF_MANY = 0.5
 """With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
 MOST_MM = 5.0
 """Where the noise is to tell how far a chosen row may be from its line."""
+
+MOST_ECHOES = 4
+"""So many reverberations, one above the other, until the needle is reached."""
+LEAST_OF_LOWER = 0.3
+"""Of the images in which the lower one is seen: an upper one that is seen in fewer was hardly there."""
 
 LookAgain = Callable[[AxisScaled, Observations, float], Observations | None]
 """A transform, the candidates near their needles, a distance in mm: to candidates near the other needles, if any."""
@@ -102,14 +119,21 @@ def calibrate_chosen(
     options: Options,
     sightings: int,
     look_again: LookAgain | None = None,
+    *,
     most_mm: float = MOST_MM,
+    across: Array | None = None,
 ) -> CandidateCalibration:
-    """As `calibrate_candidates`, with checked options; `most_mm` is the threshold where that is "auto"."""
+    """As `calibrate_candidates`, with checked options.
+
+    `most_mm` is the threshold where that is "auto"; `across` (F, 2, 3) are two axes across the needle that turn with
+    it, in the probe's frame.
+    """
     within_mm = most_mm if options.threshold_mm == "auto" else float(options.threshold_mm)
     table = Candidates(candidates, options, within_mm)
     total = max(sightings, table.count)
     transform, first = _settled(table, _first_consensus(table, total))
-    table, chosen = _looked_again(table, look_again, transform, first)
+    table, settled = _looked_again(table, look_again, transform, first)
+    chosen, twin = _upper(table, *settled, across)
     used = table.agreeing(chosen)
     if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
@@ -119,33 +143,83 @@ def calibrate_chosen(
         "no candidate or no pose": total - table.count,
         "no candidate near the needle": table.count - used,
     }
-    calibration = calibration.with_findings([_report(used, total, reasons)])
+    calibration = calibration.with_findings([_report(used, total, reasons), *twin_findings(twin)])
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
 
 
 def _first_consensus(table: Candidates, total: int) -> AxisScaled:
-    """The transform that most sightings agree with, tried on ever lower ranks."""
-    best: tuple[int, AxisScaled] | None = None
+    """The transform that the most sightings beyond chance agree with, tried on ever lower ranks."""
+    best: _Agreeing | None = None
     refusal: SonocalError | None = None
     for most in RANKS:
         keep = table.rank < most
         try:
-            found = table.fit(keep).transform
+            found = _Agreeing.of(table, table.fit(keep).transform)
         except (NoConsensusError, DegenerateGeometryError, InputError) as error:
             refusal = refusal or error
             continue
-        count = table.agreeing(table.nearest(found))
-        if best is None or count > best[0]:
-            best = count, found
-        if count >= ENOUGH * total or keep.all():
+        before, best = best, found if best is None or found.beyond_chance > best.beyond_chance else best
+        settled = before is not None and before.is_enough(total)
+        if (best.is_enough(total) and (settled or best.count >= SURE * total)) or keep.all():
             break
-    if best is None and refusal is not None and not isinstance(refusal, NoConsensusError):
+    named = isinstance(refusal, MirroredVolumeError) or not isinstance(refusal, NoConsensusError)
+    if best is None and refusal is not None and named:
         raise refusal
     if best is None:
         raise _nothing_found(table, total, 0)
-    if best[0] < max(_least_agreeing(table, total), CHANCE_FACTOR * table.by_chance(best[1])):
-        raise _nothing_found(table, total, best[0])
-    return best[1]
+    if best.count < _least_agreeing(table, total) or best.may_be_chance(table):
+        raise _nothing_found(table, total, best.count)
+    return best.transform
+
+
+@dataclass(frozen=True, eq=False)
+class _Agreeing:
+    """A transform, how many sightings agree with it, and how many would by chance."""
+
+    transform: AxisScaled
+    count: int
+    by_chance: float
+
+    @classmethod
+    def of(cls, table: Candidates, transform: AxisScaled) -> _Agreeing:
+        return cls(transform, table.agreeing(table.nearest(transform)), table.by_chance(transform))
+
+    @property
+    def beyond_chance(self) -> float:
+        return self.count - self.by_chance
+
+    @property
+    def is_far_more(self) -> bool:
+        """Whether no count is needed to see that this is no chance."""
+        return self.count >= CHANCE_FACTOR * self.by_chance
+
+    def is_enough(self, total: int) -> bool:
+        """Whether hardly another rank is better."""
+        return self.count >= ENOUGH * total and self.is_far_more
+
+    def may_be_chance(self, table: Candidates) -> bool:
+        """Whether as many would agree with some transform had candidates and needles nothing to do with each other.
+
+        With many candidates in a small image chance alone brings a third of the sightings together, and three
+        times that is more than there are. Then the number of false alarms tells: the binomial tail over all models
+        that minimal samples could have given.
+
+        Source: a-contrario model estimation (Moisan and Stival 2004).
+        """
+        from scipy.special import bdtrc, gammaln
+
+        if self.is_far_more:
+            return False
+        sightings, agreeing = table.count // CLUTTER_FRAMES, self.count // CLUTTER_FRAMES
+        if agreeing <= MINIMAL_ROWS:
+            return True
+        combinations = (
+            gammaln(sightings + 1) - gammaln(sightings - MINIMAL_ROWS + 1) - gammaln(MINIMAL_ROWS + 1)
+        )
+        samples = combinations + MINIMAL_ROWS * np.log(len(table) / table.count)
+        chance = min(self.by_chance / table.count, 1.0)
+        tail = bdtrc(agreeing - MINIMAL_ROWS - 1, sightings - MINIMAL_ROWS, chance)
+        return bool(tail > 0 and samples + np.log(tail) > 0)
 
 
 def _settled(table: Candidates, transform: AxisScaled, fitted: Mask | None = None) -> tuple[AxisScaled, Mask]:
@@ -172,15 +246,37 @@ def _settled(table: Candidates, transform: AxisScaled, fitted: Mask | None = Non
 
 def _looked_again(
     table: Candidates, look_again: LookAgain | None, transform: AxisScaled, fitted: Mask
-) -> tuple[Candidates, Mask]:
-    """The candidates with those of a second look, and which of them are chosen."""
+) -> tuple[Candidates, tuple[AxisScaled, Mask]]:
+    """The candidates with those of a second look, and the fit of the chosen ones, and these."""
     if look_again is None:
-        return table, fitted
+        return table, (transform, fitted)
     further = look_again(transform, table.at(table.nearest(transform)), table.within_mm)
     if further is None:
-        return table, _settled(table, transform, fitted)[1]
+        return table, _settled(table, transform, fitted)
     table = table.and_further(further)
-    return table, _settled(table, transform)[1]
+    return table, _settled(table, transform)
+
+
+def _upper(
+    table: Candidates, transform: AxisScaled, chosen: Mask, across: Array | None
+) -> tuple[Mask, Twin | None]:
+    """Of two needles that move as one the upper one, which is nearer to the transducer; and where the other is."""
+    if len(np.unique(table.rows.target)) > 1:  # wires are known to be several
+        return chosen, None
+    twin = find_twin(table, chosen, transform, across)
+    for _ in range(MOST_ECHOES):
+        if twin is None or not twin.is_above:
+            break
+        moved = transform.rotation @ twin.offset_mm
+        above = AxisScaled(transform.rotation, transform.translation - moved, transform.scales)
+        try:
+            transform, upper = _settled(table, above)
+        except (NoConsensusError, DegenerateGeometryError, InputError):
+            break
+        if table.agreeing(upper) < LEAST_OF_LOWER * table.agreeing(chosen):
+            break
+        chosen, twin = upper, find_twin(table, upper, transform, across)
+    return chosen, twin
 
 
 def _last_threshold(table: Candidates, chosen: Mask) -> float | Literal["auto"]:
@@ -210,6 +306,7 @@ def _report(used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
 
 
 def _nothing_found(table: Candidates, total: int, best: int) -> NoConsensusError:
+    table.refuse_mirrored(best, _least_agreeing(table, total))
     return NoConsensusError(
         f"{table.rows.source}: no calibration agrees with more than {best} of {total} images; {len(table)} "
         f"candidates in {table.count} images were tried, and so few agree by chance; check in the contact sheet that "

@@ -77,9 +77,16 @@ class PointsOptions(CalibrationOptions):
         Raises:
             InputError: an option does not exist or means nothing.
         """
-        if recording.image is not None and keywords.get("image_size_px") is None:
-            keywords["image_size_px"] = recording.image.size_px
-        return cls.of(**keywords)
+        own = None if recording.image is None else recording.image.size_px
+        asked = cls.of(
+            **(keywords if keywords.get("image_size_px") is not None else keywords | {"image_size_px": own})
+        )
+        if own is not None and asked.image_size_px != own:
+            raise InputError(
+                f"{recording.name}: has images of {' x '.join(map(str, own))} px and image_size_px says "
+                f"{' x '.join(map(str, asked.image_size_px or ()))}; leave it out, a recording knows its images"
+            )
+        return asked
 
     @property
     def posing(self) -> Posing:

@@ -140,6 +140,9 @@ def tabulated(
         )
     names = np.array([one.name for one in lines])
     table = _rows(detections, row[sound], names[line[sound]], segments[sound])
+    table = _timed(table, recording.times)
+    if recording.image is not None:
+        table = table.with_sound(image_size_px=recording.image.size_px)
     return Sightings(table, *_left_out(len(detections), row, posed, seen))
 
 
@@ -180,6 +183,13 @@ def _rows(
         sigma_px=None if sigma is None else sigma[row].reshape(-1),
         source=detections.source,
     )
+
+
+def _timed(table: Observations, times: Array) -> Observations:
+    """The table with when its images were taken, where the recording knows."""
+    if not np.all(np.isfinite(times)):
+        return table
+    return table.with_sound(extra={"time_s": times[table.frame].astype(np.str_)})
 
 
 def _moved(probe_from_tool: Array, segment_mm: Array) -> Array:

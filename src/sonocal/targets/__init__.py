@@ -5,7 +5,7 @@ A new format of targets is a file here that ends with its `FORMAT`, and a line i
 
 from sonocal.targets.device_set import DeviceSet, read_device_set
 from sonocal.targets.formats import read_lines
-from sonocal.targets.lines import Line, Point, check_lines
+from sonocal.targets.lines import Line, Point, check_lines, require_lines
 from sonocal.targets.toml_file import Targets, lines_toml, read_points_toml, read_targets, write_lines
 
 __all__ = [
@@ -19,5 +19,6 @@ __all__ = [
     "read_lines",
     "read_points_toml",
     "read_targets",
+    "require_lines",
     "write_lines",
 ]

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -22,6 +23,7 @@ from sonocal.targets.lines import (
 __all__ = ["FORMAT", "DeviceSet", "parse_xml", "read_device_set"]
 
 SIZE_LIMIT = 16 << 20
+DEEPEST = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +75,14 @@ def parse_xml(name: str, text: str) -> ET.Element:
         raise FormatError(
             f"{name}: declares a document type or entities, which a device set never needs; delete them"
         )
+    parser = ET.XMLParser(target=_Shallow(name))
     try:
         # As bytes, with the declaration dropped: the text was decoded already.
-        return ET.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text).encode())
+        parser.feed(re.sub(r"^\s*<\?xml[^>]*\?>", "", text).encode())
+        root: ET.Element = parser.close()
     except (ET.ParseError, ValueError, LookupError) as error:
         raise FormatError(f"{name}: is not XML ({error})") from None
+    return root
 
 
 def _transforms(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], Array]]:
@@ -119,6 +124,24 @@ def _wires(name: str, pattern: ET.Element, phantom: str) -> Iterator[Line]:
                 f"{name}: wire {label!r} needs EndPointFront and EndPointBack of three numbers, mm"
             )
         yield Line(label, phantom, np.array(ends))
+
+
+class _Shallow(ET.TreeBuilder):
+    """A tree no deeper than a device set: Python ends when it lets go of one a million deep."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._name, self._depth = name, 0
+
+    def start(self, tag: str, attrs: dict[Any, Any], /) -> ET.Element:
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise FormatError(f"{self._name}: has elements more than {DEEPEST} deep, which no device set has")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str, /) -> ET.Element:
+        self._depth -= 1
+        return super().end(tag)
 
 
 def _phantom_frame(root: ET.Element) -> str:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonocal.errors import InputError
-from sonocal.geometry import Array
+from sonocal.errors import InputError, require
+from sonocal.geometry import Array, frozen, real_array
 
-__all__ = ["Line", "Point", "check_lines"]
+__all__ = ["Line", "Point", "check_lines", "require_lines"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +28,12 @@ class Line:
     segment_mm: Array
 
     def __post_init__(self) -> None:
-        segment = np.asarray(self.segment_mm, dtype=float)
+        _check_names("line", self, "its ends are in")
+        segment = frozen(np.array(real_array(f"line {self.name!r}: its ends", self.segment_mm)))
         if segment.shape != (2, 3) or not np.isfinite(segment).all():
             raise InputError(f"line {self.name!r}: needs two ends of three finite numbers, mm")
         if np.array_equal(segment[0], segment[1]):
             raise InputError(f"line {self.name!r}: has zero length; give two different points of it")
-        _check_names("line", self, "its ends are in")
         object.__setattr__(self, "segment_mm", segment)
 
 
@@ -52,11 +52,23 @@ class Point:
     place_mm: Array
 
     def __post_init__(self) -> None:
-        place = np.asarray(self.place_mm, dtype=float)
+        _check_names("point", self, "it is in")
+        place = frozen(np.array(real_array(f"point {self.name!r}: its place", self.place_mm)))
         if place.shape != (3,) or not np.isfinite(place).all():
             raise InputError(f"point {self.name!r}: needs a place of three finite numbers, mm")
-        _check_names("point", self, "it is in")
         object.__setattr__(self, "place_mm", place)
+
+
+def require_lines(lines: object) -> None:
+    """Refuse what is no sequence of lines.
+
+    Raises:
+        InputError: it is something else.
+    """
+    require(lines, Sequence, "a list of lines (see read_lines)")
+    assert isinstance(lines, Sequence)
+    for line in lines:
+        require(line, Line, "a list of lines (see read_lines)")
 
 
 def check_lines(name: str, lines: Sequence[Line]) -> None:
@@ -69,6 +81,8 @@ def check_lines(name: str, lines: Sequence[Line]) -> None:
 
 
 def _check_names(kind: str, target: Line | Point, where: str) -> None:
+    for text in (target.name, target.frame):
+        require(text, str, f"text for the name and the frame of a {kind}")
     if not target.name or not target.frame:
         raise InputError(f"{kind} {target.name!r}: needs a name and the frame {where}")
     try:

@@ -26,8 +26,9 @@ from typing import Any
 import numpy as np
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import read_text, write_atomically
+from sonocal.files import write_atomically
 from sonocal.files.kinds import Format, Head
+from sonocal.files.toml import read_toml_text
 from sonocal.geometry import Array
 from sonocal.targets.lines import Line, Point, check_lines
 
@@ -148,7 +149,7 @@ def _naming(name: str) -> Iterator[None]:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(read_text(path, "a file of needles and wires"))
+        return tomllib.loads(read_toml_text(path, "a file of needles and wires"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise FormatError(f"{path.name}: is not TOML ({error})") from None
 

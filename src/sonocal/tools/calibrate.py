@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.units import needle_hints, unit_doubt
 from sonocal.recording import (
     Poses,
     Recording,
 )
+from sonocal.recording.health import unit_findings
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import (
     Point,
@@ -111,9 +116,22 @@ def calibrate_tool(
     needle = _needle(points, axis, length_mm, name, tool)
     findings = list(needle.diagnostics) if needle is not None else []
     parts = [p for p in (*points, axis) if isinstance(p, (PivotCalibration, SpinCalibration))]
+    findings += _unit_findings([part for part in (first, second, spin) if part is not None], tool, needle)
     findings += [found for part in parts for found in part.diagnostics if found not in findings]
     findings.sort(key=lambda found: found.severity != "warning")
     return ToolCalibration(tool, points, axis, needle, tuple(findings))
+
+
+def _unit_findings(
+    parts: Sequence[Recording], tool: str, needle: NeedleCalibration | None
+) -> Iterator[Diagnostic]:
+    """The doubt that the tool's poses, and the needle that follows from them, are in mm."""
+    used = {part.name: replace(part, poses={tool: part.tool(tool)}) for part in parts}
+    found = [finding for part in used.values() for finding in unit_findings(part)]
+    yield from found
+    if needle is not None and not found:
+        start, end = needle.line.segment_mm
+        yield from unit_doubt(needle_hints(f"the needle of {tool}", float(np.linalg.norm(end - start))))
 
 
 def stylus_tip(path: str | Path, stylus: str) -> Array:

@@ -11,16 +11,19 @@ from sonocal.validation.nwire import nwire_error, nwire_errors
 from sonocal.validation.point_table import PointSightings, parse_point_sightings, read_point_sightings
 from sonocal.validation.quantity import Quantity
 from sonocal.validation.repeatability import Repeatability, repeatability
+from sonocal.validation.standing import CANNOT_SHOW, cannot_show
 from sonocal.validation.verdict import Verdict, give_verdict
 from sonocal.validation.whole import Validation, validate, validate_points
 
 __all__ = [
+    "CANNOT_SHOW",
     "Comparison",
     "PointSightings",
     "Quantity",
     "Repeatability",
     "Validation",
     "Verdict",
+    "cannot_show",
     "compare",
     "fit_crosswire",
     "fixed_point_spread",

@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
-from sonocal.errors import InputError, UnsupportedError
+from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.geometry import Array, area_places
-from sonocal.registration.uncertainty import point_covariance, radius_95
+from sonocal.registration.uncertainty import point_covariance, point_jacobian, radius_95
 
 __all__ = ["Comparison", "compare"]
+
+
+# Below it no number of a test means anything.
+LEAST_P = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +71,11 @@ class Comparison:
             else "over the whole image no more than their uncertainty explains"
         )
         distance = f"{self.distance_mm[worst]:.2f} mm, at ({at}) px"
-        return f"They differ by up to {distance}: {verdict} (p = {self.p_value:.2g})."
+        return f"They differ by up to {distance}: {verdict} ({_p(self.p_value)})."
+
+
+def _p(value: float) -> str:
+    return f"p = {value:.2g}" if value >= LEAST_P else f"p < {LEAST_P:g}"
 
 
 def compare(first: Calibration, second: Calibration) -> Comparison:
@@ -77,10 +85,11 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
         InputError: one is of a 2D and the other of a 3D probe.
         UnsupportedError: one has no covariance.
 
-    Source: Wald's test of the difference of the mapped places; errors of the two taken as independent.
+    Source: Hotelling's test of the difference of the two, whose errors are taken as independent, with the freedom that
+    both covariances have: few sightings leave their size unsure.
     """
-    from scipy.special import gammaincc
-
+    for one in (first, second):
+        require(one, Calibration, "a calibration (see load)")
     if first.dimension != second.dimension:
         raise InputError(
             f"the calibrations are of a {first.dimension}D and of a {second.dimension}D probe; compare two of one probe"
@@ -94,13 +103,14 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
         for c in (first, second)
         if c.covariance is not None
     )
-    statistic, freedom = _wald(first, second, places, difference)
+    # Each has a tangent of its own: which of the two is asked must not matter.
+    tests = [_hotelling(first, second, difference, places), _hotelling(second, first, difference, places)]
     return Comparison(
         places_px=places,
         difference_mm=difference,
         distance_mm=np.linalg.norm(difference, axis=1),
-        allowed_mm=radius_95(np.asarray(covariances)),
-        p_value=float(gammaincc(freedom / 2.0, statistic / 2.0)),
+        allowed_mm=radius_95(np.asarray(covariances), min(freedom for _, freedom in tests)),
+        p_value=max(p_value for p_value, _ in tests),
         shared_input=_fitted_to(first) == _fitted_to(second),
     )
 
@@ -110,18 +120,52 @@ def _fitted_to(calibration: Calibration) -> tuple[object, ...]:
     return (calibration.provenance.get("sha256"), options.fit_split, options.test_split, calibration.fit)
 
 
-def _wald(first: Calibration, second: Calibration, places: Array, difference: Array) -> tuple[float, int]:
-    """Chi-squared statistic and freedom of all places' differences at once."""
-    from sonocal.registration.uncertainty import point_jacobian
+def _hotelling(
+    first: Calibration, second: Calibration, difference: Array, places: Array
+) -> tuple[float, float]:
+    """The p-value of the places' differences at once, as one motion of the first, and the freedom behind it."""
+    from scipy.special import fdtrc
 
-    total = np.zeros((difference.size, difference.size))
-    for calibration in (first, second):
-        assert calibration.covariance is not None
-        k = len(calibration.covariance)
-        stacked = point_jacobian(calibration.probe_from_image, places, k).reshape(-1, k)
-        total += stacked @ calibration.covariance @ stacked.T
-    values, vectors = np.linalg.eigh(total)
-    # Mapped places have as many free motions as the calibration has parameters; the rest is rounding.
-    kept = values > 1e-9 * values[-1]
-    along = vectors[:, kept].T @ difference.reshape(-1)
-    return float(np.sum(along**2 / values[kept])), int(kept.sum())
+    parts = _covariances(first, second, places)
+    freedom = _freedom(parts, (first.noise.freedom, second.noise.freedom))
+    parameters = len(parts[0])
+    way = _tangent(first, places, parameters) @ difference.reshape(-1)
+    statistic = float(way @ np.linalg.solve(parts[0] + parts[1], way)) / parameters
+    return float(fdtrc(parameters, freedom, statistic)), freedom
+
+
+def _tangent(calibration: Calibration, places: Array, parameters: int) -> Array:
+    """(k, 3 M): from displacements of the places to the motion of the calibration that comes nearest to them."""
+    jacobian = point_jacobian(calibration.probe_from_image, places, parameters)
+    return np.asarray(np.linalg.pinv(jacobian.reshape(-1, parameters)))
+
+
+def _covariances(first: Calibration, second: Calibration, places: Array) -> tuple[Array, Array]:
+    """(k, k) of both, as motions of the first: each has a tangent of its own, in which it may have fewer scales."""
+    assert first.covariance is not None
+    assert second.covariance is not None
+    parameters = max(len(first.covariance), len(second.covariance))
+    back = _tangent(first, places, parameters)
+    carried = []
+    for calibration, covariance in ((first, first.covariance), (second, second.covariance)):
+        own = point_jacobian(calibration.probe_from_image, places, len(covariance))
+        way = back @ own.reshape(-1, len(covariance))
+        carried.append(way @ covariance @ way.T)
+    return carried[0], carried[1]
+
+
+def _freedom(parts: tuple[Array, Array], freedoms: tuple[int, int]) -> float:
+    """Of the sum of two covariances of unlike certainty: as sure, on average over all motions, as so many residuals.
+
+    1 / f = sum_i (tr(V_i)^2 + 2 tr(V_i^2)) / (k (k + 2) f_i)        V_i = (C_1 + C_2)^-1 C_i
+
+    which is the variance of l' (s_1 C_1 + s_2 C_2) l for s_i ~ chi2(f_i) / f_i, averaged over directions l.
+
+    Source: Satterthwaite 1946; several parameters: Nel and van der Merwe 1986.
+    """
+    k, total = len(parts[0]), parts[0] + parts[1]
+    inverse = 0.0
+    for part, freedom in zip(parts, freedoms, strict=True):
+        share = np.linalg.solve(total, part)
+        inverse += (np.trace(share) ** 2 + 2 * np.trace(share @ share)) / (k * (k + 2) * max(freedom, 1))
+    return float(1.0 / inverse)

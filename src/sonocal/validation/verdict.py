@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sonocal.calibration import Calibration
+from sonocal.calibration.area import expected_errors
+from sonocal.calibration.held_out import FAR
 from sonocal.findings import Diagnostic
 from sonocal.validation.whole import Validation
 
@@ -16,12 +18,24 @@ SPOILING = {
     "no-redundancy",
     "not-converged",
     "flipped-image",
+    "latency-beyond-tolerance",
+    "wrong-poses",
     "marker-slipped",
     "wrong-tool-frame",
     "wrong-end-of-needle",
+    "held-out-rows-far-off",
+    "points-far-off",
+    "implausible-units",
 }
-# Beyond this many times what the user accepts, care does not help.
-HOPELESS = 3.0
+# Findings that measured an error beyond the predicted one.
+BEYOND_PREDICTED = {
+    "held-out-rows-off",
+    "held-out-rows-far-off",
+    "points-off",
+    "points-far-off",
+    "calibrations-differ",
+}
+HOPELESS = FAR
 # Codes of reasons that are no findings.
 NO_PREDICTION, HOPELESS_ERROR = "no-predicted-error", "predicted-error-beyond-tolerance"
 
@@ -66,14 +80,12 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
     warnings += [d for d in (validation.diagnostics if validation else ()) if d.severity == "warning"]
     why = [(finding.code, _sentence(finding)) for finding in warnings]
     if calibration.covariance is None:
-        why.insert(0, (NO_PREDICTION, "no row is left over to tell how far off it is"))
+        why.insert(0, (NO_PREDICTION, "nothing is left over to tell how far off it is"))
         return _verdict("stop", "No error can be predicted.", why)
     below = calibration.predicted_errors()[2]
-    worst, centre = float(below[:-1].max()), float(below[-1])
-    expectation = (
-        f"Expect errors of the calibration up to {worst:.1f} mm at the image's corners and {centre:.1f} mm at its "
-        "centre (95 %)."
-    )
+    worst, expectation = float(below[:-1].max()), expected_errors(calibration)
+    if any(code in BEYOND_PREDICTED for code, _ in why):
+        expectation += " What was measured says otherwise."
     tolerance = calibration.options.tolerance_mm
     hopeless = not worst <= HOPELESS * tolerance
     if hopeless:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.calibration import Calibration, evidence_of, line_distances
 from sonocal.calibration.held_out import held_out_findings
-from sonocal.errors import InputError, SonocalError
+from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.setup_checks import check_setup
@@ -21,6 +21,7 @@ from sonocal.validation.held_out import (
     leave_one_frame_out,
     leave_one_target_out,
 )
+from sonocal.validation.measured import point_findings
 from sonocal.validation.nwire import nwire_error
 from sonocal.validation.point_table import PointSightings
 from sonocal.validation.quantity import Quantity
@@ -68,6 +69,7 @@ def validate(
     resample: bool = True,
     scanner_mm_per_px: float | None = None,
     expected_rotation: ArrayLike | None = None,
+    marker_above_image: bool = False,
     seed: int = 0,
 ) -> Validation:
     """All numbers that a table of sightings gives.
@@ -85,11 +87,14 @@ def validate(
         scanner_mm_per_px: what the scanner says.
         expected_rotation: (3, 3): roughly, the directions of u, v and normal in the marker's frame, as columns,
             such as the rotation of another calibration of this probe and marker.
+        marker_above_image: the marker is fixed to the handle, beyond the upper half of the image.
         seed: of the resampling.
 
     Raises:
         InputError: the rows do not fit the calibration.
     """
+    require(calibration, Calibration, "a calibration (see load)")
+    require(observations, Observations, "a table of sightings (see read_observations)")
     if observations.dimension != calibration.dimension:
         raise InputError(
             f"{observations.source}: is of a {observations.dimension}D probe and the calibration of a "
@@ -111,6 +116,7 @@ def validate(
             attempts.run("leave-one-target-out error", lambda: leave_one_target_out(calibration, fitted))
         spread = attempts.repeatability(calibration, fitted, seed)
     told = {"scanner_mm_per_px": scanner_mm_per_px, "expected_rotation": expected_rotation}
+    told |= {"marker_above_image": marker_above_image}
     findings = [*attempts.failures, *_said_by(calibration, observations, unseen, told)]
     return Validation(
         tuple(attempts.quantities), tuple(findings), spread, observations.source, observations.sha256
@@ -146,9 +152,10 @@ def validate_points(calibration: Calibration, sightings: PointSightings) -> Vali
         attempts.run("PRA", lambda: reconstruction_accuracy(calibration.probe_from_image, sightings))
     if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
         attempts.run("spread", lambda: fixed_point_spread(calibration.probe_from_image, sightings))
-    return Validation(
-        tuple(attempts.quantities), tuple(attempts.failures), None, sightings.source, sightings.sha256
-    )
+    findings = list(attempts.failures)
+    for measured in attempts.quantities:
+        findings += point_findings(calibration, sightings.points_px, measured)
+    return Validation(tuple(attempts.quantities), tuple(findings), None, sightings.source, sightings.sha256)
 
 
 def fitted_and_held_out(

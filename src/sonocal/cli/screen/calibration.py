@@ -7,18 +7,15 @@ from typing import Any
 import numpy as np
 from rich.console import Console, Group, RenderableType
 from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
 from sonocal.calibration import Calibration, ErrorStatistics, point_line_rows
-from sonocal.cli.screen.parts import (
-    number_table,
-    print_findings,
-    verdict_text,
-)
+from sonocal.cli.screen.parts import print_findings, standing, verdict_text
+from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.geometry import similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
+from sonocal.registration.uncertainty import scale_95
 from sonocal.simulation.scene import SimulatedSightings
 from sonocal.validation import give_verdict
 
@@ -36,6 +33,7 @@ def print_calibration(console: Console, calibration: Calibration) -> None:
     if calibration.covariance is not None:
         console.print(_prediction_table(calibration))
     console.print(_matrix(calibration))
+    console.print(standing(calibration))
     print_findings(console, calibration.diagnostics, "info")
 
 
@@ -44,7 +42,7 @@ def print_truth(console: Console, calibration: Calibration, simulated: Simulated
     angle, distance, scale = similarity_errors(calibration.probe_from_image, simulated.probe_from_image)
     places, _, below = calibration.predicted_errors()
     missed = calibration.probe_from_image @ places - simulated.probe_from_image @ places
-    table = number_table(
+    table = NumberTable(
         "Error against the known truth",
         "rotation, deg",
         "translation, mm",
@@ -65,14 +63,14 @@ def print_truth(console: Console, calibration: Calibration, simulated: Simulated
 def print_observations(console: Console, observations: Observations) -> None:
     """What is in a table of sightings."""
     places = ("u, px", "v, px", "w, px")[: observations.dimension]
-    table = number_table(
+    table = NumberTable(
         f"{observations.source}: sightings for a {observations.dimension}D probe",
         *("rows", "frames", "targets", *places, "tilt spread, deg"),
         first="split",
     )
     for split in observation_splits(observations):
         table.add_row(
-            escape(split["split"]) or "(none)",
+            split["split"] or "(none)",
             *(str(split[name]) for name in ("rows", "frames", "targets")),
             *(f"{low:.0f} to {high:.0f}" for low, high in zip(*split["box_px"], strict=True)),
             f"{split['tilt_spread_deg']:.1f}",
@@ -98,8 +96,8 @@ def observation_splits(observations: Observations) -> list[dict[str, Any]]:
     ]
 
 
-def _error_table(calibration: Calibration) -> Table:
-    table = number_table(
+def _error_table(calibration: Calibration) -> NumberTable:
+    table = NumberTable(
         "Distance of mapped points to their lines, mm",
         "rms",
         "median",
@@ -118,10 +116,15 @@ def _statistics(errors: ErrorStatistics) -> list[str]:
     return [*(f"{value:.3f}" for value in values), f"{errors.inliers} of {errors.observations}"]
 
 
-def _prediction_table(calibration: Calibration) -> Table:
+def _prediction_table(calibration: Calibration) -> NumberTable:
     places, rms, below = calibration.predicted_errors()
     axes = ", ".join("uvw"[: calibration.dimension])
-    table = number_table("Predicted error of the calibration, mm", f"at ({axes}), px", "rms", "95 % below")
+    table = NumberTable(
+        f"Predicted error of the calibration over the {calibration.area_name}, mm",
+        f"at ({axes}), px",
+        "rms",
+        "95 % below",
+    )
     for i, place in enumerate(places):
         name = "centre" if i == len(places) - 1 else "corner"
         table.add_row(name, ", ".join(f"{x:.0f}" for x in place), f"{rms[i]:.2f}", f"{below[i]:.2f}")
@@ -133,19 +136,17 @@ def _matrix(calibration: Calibration) -> RenderableType:
     title = Text(
         "probe_from_image (PLUS: ImageToProbe): mm in the probe marker's frame from px", style="bold"
     )
-    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 1))
-    for row in transform.matrix:
-        table.add_row(*(f"{x: .6f}" for x in row))
     scales = transform.scales
     if calibration.model == "similarity":
         scale = f"{scales[0]:.5f} mm/px"
         if calibration.covariance is not None:
-            scale += f" +- {100 * 1.96 * calibration.covariance[6, 6] ** 0.5:.2f} % (95 %)"
+            known = scale_95(calibration.covariance, calibration.noise.freedom)
+            scale += f" +- {100 * known:.2g} % (95 %)"
     else:
         scale = f"{scales[0]:.5f} mm/px along u, {scales[1]:.5f} mm/px along v"
     return Group(
         title,
-        table,
+        MatrixRows(transform.matrix),
         Text(
             f"Scale: {scale}; the scale is inside the matrix, and the origin is the centre of the first pixel."
         ),

@@ -1,19 +1,18 @@
-"""What every screen is made of: findings, tables."""
+"""What every screen is made of: findings and the verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
+from sonocal.calibration import Calibration
 from sonocal.findings import Diagnostic
-from sonocal.validation import Verdict
+from sonocal.validation import CANNOT_SHOW, Verdict, cannot_show
 
-__all__ = ["finding", "number_table", "print_findings", "verdict_text"]
+__all__ = ["finding", "print_findings", "standing", "verdict_text"]
 
 COLOURS = {"use": "green", "care": "yellow", "stop": "red"}
 
@@ -35,24 +34,14 @@ def finding(found: Diagnostic) -> RenderableType:
     return Group(head, Padding(body, (0, 0, 0, 2), expand=False), Padding(advice, (0, 0, 0, 2), expand=False))
 
 
+def standing(calibration: Calibration) -> RenderableType:
+    """What no scan shows, with what to compare."""
+    sentences = [Padding(Text(one), (0, 0, 0, 2), expand=False) for one in cannot_show(calibration)]
+    return Group(Text(f"{CANNOT_SHOW}:", style="bold"), *sentences)
+
+
 def print_findings(console: Console, findings: Iterable[Diagnostic], severity: str | None = None) -> None:
     """The findings of one severity, or all, warnings first."""
     for found in sorted(findings, key=lambda one: one.severity != "warning"):
         if severity in (None, found.severity):
             console.print(finding(found))
-
-
-def number_table(title: str, *columns: str, first: str = "") -> Table:
-    """A table whose first column names rows and whose others hold numbers."""
-    table = Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        min_width=min(len(title), 76),  # a title is broken at its table's width
-    )
-    table.add_column(first)
-    for column in columns:
-        table.add_column(column, justify="right")
-    return table

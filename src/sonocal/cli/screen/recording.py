@@ -6,17 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
-from rich.markup import escape
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
-from sonocal.cli.screen.parts import (
-    number_table,
-    print_findings,
-)
+from sonocal.cli.screen.parts import print_findings
+from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.detection import Detections
 from sonocal.geometry import Array
+from sonocal.geometry.units import UNITS_CODE
 from sonocal.recording import (
     ImageGeometry,
     Summary,
@@ -43,10 +40,10 @@ def print_recording(console: Console, summary: Summary) -> None:
     console.print(_image(summary.image))
     console.print()
     if summary.tools:
-        table = number_table("Transforms", "poses", "valid", "lost in a row", "travel, mm", first="name")
+        table = NumberTable("Transforms", "poses", "valid", "lost in a row", "travel, mm", first="name")
         for tool in summary.tools:
             table.add_row(
-                escape(tool.name),
+                tool.name,
                 str(tool.poses),
                 str(tool.valid),
                 str(tool.longest_loss),
@@ -60,20 +57,18 @@ def print_recording(console: Console, summary: Summary) -> None:
 
 def print_lines(console: Console, title: str, lines: Sequence[Line]) -> None:
     """Needles and wires, with their length."""
-    table = number_table(title, "frame", "from, mm", "to, mm", "length, mm", first="name")
+    table = NumberTable(title, "frame", "from, mm", "to, mm", "length, mm", first="name")
     for line in lines:
         length = float(np.linalg.norm(line.segment_mm[1] - line.segment_mm[0]))
-        table.add_row(
-            escape(line.name), escape(line.frame), *(_place(end) for end in line.segment_mm), f"{length:.1f}"
-        )
+        table.add_row(line.name, line.frame, *(_place(end) for end in line.segment_mm), f"{length:.1f}")
     console.print(table)
 
 
 def print_tips(console: Console, title: str, points: Sequence[Point]) -> None:
     """Points of tools."""
-    table = number_table(title, "frame", "at, mm", first="name")
+    table = NumberTable(title, "frame", "at, mm", first="name")
     for point in points:
-        table.add_row(escape(point.name), escape(point.frame), _place(point.place_mm))
+        table.add_row(point.name, point.frame, _place(point.place_mm))
     console.print(table)
 
 
@@ -90,12 +85,10 @@ def print_device_set(console: Console, devices: DeviceSet) -> None:
 
 def print_points(console: Console, points: Detections) -> None:
     """What is in a table of points found in images."""
-    table = number_table(f"{points.source}: points found in images", "points", "images", first="target")
+    table = NumberTable(f"{points.source}: points found in images", "points", "images", first="target")
     for target in np.unique(points.target):
         here = points.target == target
-        table.add_row(
-            escape(str(target)) or "(none)", str(int(here.sum())), str(len(np.unique(points.frame[here])))
-        )
+        table.add_row(str(target) or "(none)", str(int(here.sum())), str(len(np.unique(points.frame[here]))))
     console.print(table)
 
 
@@ -120,14 +113,16 @@ def _tool_verdict(found: ToolCalibration) -> Text:
     if found.needle is not None:
         known.append(f"the needle's direction to +-{1.96 * found.needle.direction_deviation_deg:.2f} deg")
     trust = "expect " + " and ".join(known) + " (95 %)" if known else "see how well the points rested"
+    if any(one.code == UNITS_CODE for one in found.diagnostics):
+        return Text("Do not use it: the numbers may not be millimetres.", style="bold red")
     if any(one.severity == "warning" for one in found.diagnostics):
         return Text(f"Use with care: {trust}; the warnings say why it may be more.", style="bold yellow")
     return Text(f"Sound: {trust}", style="bold green")
 
 
-def _points_table(found: ToolCalibration) -> Table:
+def _points_table(found: ToolCalibration) -> NumberTable:
     columns = ("x", "y", "z", "+- (95 %)", "rms", "tilt, deg", "frames used")
-    table = number_table(f"Points in {found.tool}'s frame, mm", *columns)
+    table = NumberTable(f"Points in {found.tool}'s frame, mm", *columns)
     for order, point in zip(("first", "second"), found.points, strict=False):
         name = order
         if isinstance(point, PivotCalibration):
@@ -141,8 +136,8 @@ def _points_table(found: ToolCalibration) -> Table:
     return table
 
 
-def _axis_table(tool: str, spin: SpinCalibration) -> Table:
-    table = number_table(f"Axis in {tool}'s frame", "x", "y", "z", "turn, deg", "wobble", "frames used")
+def _axis_table(tool: str, spin: SpinCalibration) -> NumberTable:
+    table = NumberTable(f"Axis in {tool}'s frame", "x", "y", "z", "turn, deg", "wobble", "frames used")
     used = f"{spin.inlier.sum()} of {len(spin.inlier)}"
     turn = (f"{spin.turn_deg:.0f}", f"{spin.wobble_deg:.2f} deg", used)
     table.add_row("direction", *(f"{x:.4f}" for x in spin.direction), *turn)
@@ -174,10 +169,7 @@ def _image(image: ImageGeometry | None) -> str:
 
 
 def _matrix(name: str, matrix: Array) -> RenderableType:
-    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 1))
-    for row in matrix:
-        table.add_row(*(f"{x: .6f}" for x in row))
-    return Group(Text(name, style="bold"), Padding(table, (0, 0, 1, 2), expand=False))
+    return Group(Text(name, style="bold"), Padding(MatrixRows(matrix), (0, 0, 1, 2), expand=False))
 
 
 def _place(place: Array) -> str:

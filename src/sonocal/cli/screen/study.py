@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
+from sonocal.cli.screen.tables import NumberTable
+from sonocal.cli.screen.terminal import Terminal
 from sonocal.studies import Row, Study, answer_sentences
 from sonocal.studies.measures import QUANTITIES
 from sonocal.studies.summary import BOUND
@@ -15,7 +13,7 @@ __all__ = ["print_study"]
 
 def print_study(study: Study, rows: list[Row]) -> None:
     """Answers, and a table of each quantity of the figure."""
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     if study.question:
         console.print(study.question, style="bold", soft_wrap=True)
     for sentence in answer_sentences(study, rows):
@@ -25,18 +23,13 @@ def print_study(study: Study, rows: list[Row]) -> None:
         console.print(_table(study, rows, quantity, statistic))
 
 
-def _table(study: Study, rows: list[Row], quantity: str, statistic: str) -> Table:
+def _table(study: Study, rows: list[Row], quantity: str, statistic: str) -> NumberTable:
     words = {"median": "median", "p95": "95 % are below", "rms": "rms"}[statistic]
-    table = Table(
-        title=f"{QUANTITIES[quantity]}, after refinement: {words}", title_justify="left", box=box.SIMPLE_HEAD
-    )
-    for name in study.factors:
-        table.add_column(name, justify="right")
     methods = [*study.methods, BOUND]
     chosen = [row for row in rows if row.quantity == quantity and row.stage == "after"]
     there = [method for method in methods if any(row.method == method for row in chosen)]
-    for method in there:
-        table.add_column(method, justify="right")
+    first, *others = study.factors
+    table = NumberTable(f"{QUANTITIES[quantity]}, after refinement: {words}", *others, *there, first=first)
     by_cell: dict[tuple[float, ...], dict[str, Row]] = {}
     for row in chosen:
         by_cell.setdefault(tuple(row.levels.values()), {})[row.method] = row

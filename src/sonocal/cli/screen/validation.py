@@ -6,15 +6,11 @@ import math
 
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
 from sonocal.calibration import Calibration
-from sonocal.cli.screen.parts import (
-    number_table,
-    print_findings,
-    verdict_text,
-)
+from sonocal.cli.screen.parts import print_findings, standing, verdict_text
+from sonocal.cli.screen.tables import NumberTable
 from sonocal.validation import (
     Comparison,
     PointSightings,
@@ -40,12 +36,13 @@ def print_validation(
     if comparison is not None:
         console.print()
         console.print(_comparison(comparison))
+    console.print(standing(calibration))
     print_findings(console, [*calibration.diagnostics, *validation.diagnostics])
 
 
 def print_point_sightings(console: Console, points: PointSightings) -> None:
     """What is in a table of points whose place or pose is known."""
-    table = number_table(f"{points.source}: points whose place is known", "points", "images", first="target")
+    table = NumberTable(f"{points.source}: points whose place is known", "points", "images", first="target")
     for target in dict.fromkeys(points.target.tolist()):
         here = points.target == target
         table.add_row(target or "(none)", str(int(here.sum())), str(len(set(points.frame[here].tolist()))))
@@ -54,8 +51,8 @@ def print_point_sightings(console: Console, points: PointSightings) -> None:
     console.print("With " + " and ".join(name for name, given in known.items() if given is not None) + ".")
 
 
-def _numbers(validation: Validation) -> Table:
-    table = number_table(f"Errors on {validation.source}, mm", "value", "95 % interval", "spread", "from")
+def _numbers(validation: Validation) -> NumberTable:
+    table = NumberTable(f"Errors on {validation.source}, mm", "value", "95 % interval", "spread", "from")
     for q in validation.quantities:
         interval = "unknown" if math.isnan(q.low_mm) else f"{q.low_mm:.2f} to {q.high_mm:.2f}"
         table.add_row(
@@ -69,7 +66,7 @@ def _definition(quantity: Quantity) -> RenderableType:
 
 
 def _comparison(comparison: Comparison) -> RenderableType:
-    table = number_table("Against the other calibration, mm", "apart", "uncertainty allows (95 %)")
+    table = NumberTable("Against the other calibration, mm", "apart", "uncertainty allows (95 %)")
     for place, distance, allowed in comparison.rows:
         table.add_row(f"at {place} px", f"{distance:.2f}", f"{allowed:.2f}")
     shared = (

@@ -1,8 +1,9 @@
-"""Call everything in the core with hostile arrays: whatever arrives, it may only be answered or refused in a sentence.
+"""Call the core, or the package's face, with hostile arguments: each may only be answered or refused in a sentence.
 
     scripts/sanitize                                             a build with sanitizers, and some calls of it
-    python scripts/fuzz_core.py --calls 100000 --module build/sanitize/_core.*.so
-    python scripts/fuzz_core.py --only 4711                      that call alone
+    python scripts/fuzz_calls.py --calls 100000 --module build/sanitize/_core.*.so
+    python scripts/fuzz_calls.py --of python --calls 1000000     functions, files and commands
+    python scripts/fuzz_calls.py --only 4711                     that call alone
 
 Lengths that differ, codes below 0 or huge, NaN, infinities, 1e300, no rows, strides, other types, extreme options,
 degenerate geometry. Each call has a generator of its own from the seed and its number, so that any of them can be
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import faulthandler
+import importlib
 import importlib.util
 import subprocess
 import sys
@@ -23,22 +25,26 @@ from types import ModuleType
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
-from tests.builders.core_calls import CALLS, call, missing  # noqa: E402
 
 SEED = 20160908
 LONGEST_S = 60
 
 
-def run(core: ModuleType, seed: int, begin: int, end: int, log: Path) -> None:
+# One is imported, not both: the package brings its own core, beside which another one cannot be loaded.
+KINDS = {"core": "tests.builders.core_calls", "python": "tests.builders.python_calls"}
+
+
+def run(calls: ModuleType, core: ModuleType | None, part: tuple[int, int, int], log: Path) -> None:
     """Make calls one after the other; the log holds the number of the last and how many were answered."""
     answered = 0
+    seed, begin, end = part
     with log.open("w") as file:
         for number in range(begin, end):
             file.seek(0)
             file.write(f"{number} {answered}\n")
             file.flush()
             faulthandler.dump_traceback_later(LONGEST_S, exit=True)
-            answered += call(core, seed, number)
+            answered += calls.call(core, seed, number)
         file.seek(0)
         file.write(f"{end} {answered}\n")
 
@@ -57,7 +63,7 @@ def load(path: Path | None) -> ModuleType:
     return module
 
 
-def survey(calls: int) -> int:
+def survey(made: ModuleType, calls: int) -> int:
     """Make so many calls in other processes, with this one's arguments; the number of those that ended one."""
     log = Path(tempfile.mkdtemp(prefix="fuzz-core-")) / "log"
     begin = answered = faults = 0
@@ -67,7 +73,7 @@ def survey(calls: int) -> int:
         begin, now = map(int, log.read_text().split())
         answered += now
         if done.returncode != 0:
-            name = list(CALLS)[begin % len(CALLS)]
+            name = list(made.CALLS)[begin % len(made.CALLS)]
             print(f"call {begin} of {name} ended the process; --only {begin}", flush=True)
             faults, begin = faults + 1, begin + 1
     print(f"{calls} calls: {answered} answered, {calls - answered - faults} refused, {faults} faults")
@@ -77,6 +83,7 @@ def survey(calls: int) -> int:
 def asked() -> argparse.Namespace:
     """What the command line says."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--of", choices=list(KINDS), default="core", help="what is called")
     parser.add_argument("--calls", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--module", type=Path, help="a compiled core; default: the installed package's")
@@ -89,16 +96,17 @@ def asked() -> argparse.Namespace:
 def main() -> int:
     """Call the core; 1 if a call ended a process or there is none for a function."""
     arguments = asked()
-    core = load(arguments.module)
+    calls = importlib.import_module(KINDS[arguments.of])
+    core = load(arguments.module) if arguments.of == "core" else None
     if arguments.part:
-        run(core, arguments.seed, *arguments.part, arguments.log)
+        run(calls, core, (arguments.seed, *arguments.part), arguments.log)
     elif arguments.only is not None:
-        print("answered" if call(core, arguments.seed, arguments.only) else "refused")
-    elif unreached := missing(core):
+        print("answered" if calls.call(core, arguments.seed, arguments.only) else "refused")
+    elif unreached := calls.missing(core):
         print(f"no call reaches {', '.join(sorted(unreached))}; add one to CALLS")
         return 1
     else:
-        return int(survey(arguments.calls) > 0)
+        return int(survey(calls, arguments.calls) > 0)
     return 0
 
 

@@ -1,0 +1,193 @@
+#include "sonocal/correspondences/chance.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+namespace sonocal {
+namespace {
+
+// Pairs of one kind that are looked at: a share of 1 % is known to a third of itself.
+constexpr int kMostPairs = 1200;
+// A kind of fewer has its sources held against targets of all kinds.
+constexpr int kFewOfAKind = 4;
+// Distances below this many of the pairs' least follow a power law.
+constexpr int kFewestInTail = 8, kTailPart = 50;
+// Distances at which the number of false alarms is looked for.
+constexpr int kMostDistances = 100;
+constexpr double kMotions = 7;
+// Three quadrics have as many solutions.
+const double kLogSolutions = std::log(8.0);
+
+struct Kind {
+  int rows, points;
+  bool operator<(const Kind& other) const {
+    return rows != other.rows ? rows < other.rows : points < other.points;
+  }
+};
+
+double log_choose(double n, double k) {
+  return std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1);
+}
+
+// log of the probability that k or more of n agree, each with probability p; 0 where k is no more than
+// expected. The tail falls faster than the geometric series that its first two terms begin.
+double log_binomial_tail(int k, int n, double p) {
+  if (k <= 0 || p >= 1) return 0;
+  if (k > n) return -std::numeric_limits<double>::infinity();
+  const double ratio = (n - k) * p / ((k + 1) * (1 - p));
+  if (ratio >= 1) return 0;
+  const double first = log_choose(n, k) + k * std::log(p) + (n - k) * std::log1p(-p);
+  return std::min(first - std::log1p(-ratio), 0.0);
+}
+
+// What a kind's squared distances are where chance has paired it: how likely is one below a limit?
+class Background {
+ public:
+  Background(std::vector<double> squares, const Kind& kind) : pairs_(static_cast<int>(squares.size())) {
+    const int tail = std::min(std::max(kFewestInTail, pairs_ / kTailPart), pairs_);
+    std::sort(squares.begin(), squares.end());
+    squares_ = std::move(squares);
+    if (tail == 0) return;
+    anchor_ = squares_[tail - 1];
+    at_anchor_ = tail / (pairs_ + 1.0);
+    // Hill's estimate of the power, on the safe side of its error, between what one point and all rows give.
+    double sum = 0;
+    for (int i = 0; i + 1 < tail; ++i) sum += 0.5 * std::log(anchor_ / std::max(squares_[i], 1e-300));
+    const double power = sum > 0 ? (tail - 1) / sum * (1 - 1 / std::sqrt(tail)) : kind.rows;
+    power_ = std::clamp(power, static_cast<double>(kind.rows) / kind.points, static_cast<double>(kind.rows));
+  }
+
+  double share_below(double square) const {
+    if (pairs_ == 0) return 1;
+    if (square < anchor_) return at_anchor_ * std::pow(square / anchor_, 0.5 * power_);
+    const auto count = std::upper_bound(squares_.begin(), squares_.end(), square) - squares_.begin();
+    return std::min((count + 1.0) / (pairs_ + 1.0), 1.0);
+  }
+
+ private:
+  int pairs_;
+  std::vector<double> squares_;
+  double anchor_ = 0, at_anchor_ = 1, power_ = 1;
+};
+
+class Pairing {
+ public:
+  Pairing(const Correspondences& all, const Transform& transform) : all_(all) {
+    const Matrix3d s = transform.linear();
+    mapped_.resize(all.first[all.count]);
+    for (std::size_t i = 0; i < mapped_.size(); ++i)
+      mapped_[i] = s * Eigen::Map<const Vector3d>(all.points + 3 * i) + transform.translation;
+    for (int c = 0; c < all.count; ++c) kinds_[kind_of(c)].push_back(c);
+  }
+
+  const std::map<Kind, std::vector<int>>& kinds() const { return kinds_; }
+
+  Background background(const Kind& kind, const std::vector<int>& of_kind) const {
+    std::vector<int> everything;
+    if (of_kind.size() < kFewOfAKind) {
+      everything.resize(all_.count);
+      std::iota(everything.begin(), everything.end(), 0);
+    }
+    const std::vector<int>& others = everything.empty() ? of_kind : everything;
+    const auto count = static_cast<std::int64_t>(of_kind.size()),
+               most = static_cast<std::int64_t>(others.size());
+    const std::int64_t sampled = std::min<std::int64_t>(count, kMostPairs);
+    const std::int64_t shifts =
+        std::clamp<std::int64_t>(kMostPairs / sampled, 1, std::max<std::int64_t>(most - 1, 1));
+    std::vector<double> squares;
+    squares.reserve(sampled * shifts);
+    for (std::int64_t i = 0; i < sampled; ++i) {
+      const std::int64_t place = i * count / sampled;
+      const int target = of_kind[place];
+      for (std::int64_t j = 0; j < shifts; ++j) {
+        const int source = others[(place + 1 + (2 * j + 1) * (most - 1) / (2 * shifts)) % most];
+        if (source != target) squares.push_back(square(source, target, kind));
+      }
+    }
+    return Background(std::move(squares), kind);
+  }
+
+ private:
+  Kind kind_of(int c) const {
+    const int begin = all_.first[c], end = all_.first[c + 1];
+    int points = 1;
+    for (int i = begin + 1; i < end; ++i) points += mapped_[i] != mapped_[i - 1];
+    return {end - begin, points};
+  }
+
+  Vector3d centre_of(int c) const {
+    Vector3d sum = Vector3d::Zero();
+    for (int i = all_.first[c]; i < all_.first[c + 1]; ++i) sum += mapped_[i];
+    return sum / (all_.first[c + 1] - all_.first[c]);
+  }
+
+  // Mean squared distance of one correspondence's source from another's target; of the target's own source
+  // moved there where the two are not of one kind.
+  double square(int source, int target, const Kind& kind) const {
+    const int begin = all_.first[target], from = all_.first[source];
+    const bool alike = all_.first[source + 1] - from == kind.rows && kind_of(source).points == kind.points;
+    const Vector3d moved = alike ? Vector3d::Zero() : Vector3d(centre_of(source) - centre_of(target));
+    double sum = 0;
+    for (int i = 0; i < kind.rows; ++i) {
+      const double* plane = all_.planes + 4 * (begin + i);
+      const Vector3d point = alike ? mapped_[from + i] : Vector3d(mapped_[begin + i] + moved);
+      const double r = plane[0] * point.x() + plane[1] * point.y() + plane[2] * point.z() + plane[3];
+      sum += r * r;
+    }
+    return sum / kind.points;
+  }
+
+  const Correspondences& all_;
+  std::vector<Vector3d> mapped_;
+  std::map<Kind, std::vector<int>> kinds_;
+};
+
+// Correspondences of an exact fit: those with the rows that hold seven motions, of a plane only two being
+// worth it (three planes on three planes leave a growth).
+int sample_of(int count, double rows) {
+  return std::clamp(static_cast<int>(std::ceil(kMotions * count / rows)), 1, count);
+}
+
+}  // namespace
+
+Agreement agreement(const Correspondences& all, const Transform& transform, const double* squares,
+                    double limit) {
+  const Pairing pairing(all, transform);
+  Agreement out;
+  std::vector<double> chances;
+  double held = 0;
+  for (const auto& [kind, of_kind] : pairing.kinds()) {
+    const Background background = pairing.background(kind, of_kind);
+    out.share += background.share_below(limit) * static_cast<double>(of_kind.size()) / all.count;
+    for (const int c : of_kind) {
+      if (!(squares[c] <= limit)) continue;
+      chances.push_back(background.share_below(squares[c]));
+      held += kind.points == 3 ? kind.rows - 1 : kind.rows;
+    }
+  }
+  std::sort(chances.begin(), chances.end());
+  const int n = all.count, m = static_cast<int>(chances.size());
+  out.agreeing = m;
+  out.log_alarms = std::numeric_limits<double>::infinity();
+  if (m == 0) return out;
+  const int sample = sample_of(m, held);
+  out.redundant = m > sample;
+  const double log_models = log_choose(n, sample) + kLogSolutions;
+  const int tried = std::min(m - sample, kMostDistances);
+  for (int i = 0; i < tried; ++i) {
+    const int j = m - static_cast<int>(static_cast<std::int64_t>(i) * (m - sample) / tried);
+    const double tail = log_binomial_tail(j - sample, n - sample, chances[j - 1]);
+    out.log_alarms = std::min(out.log_alarms, std::log(tried) + log_models + tail);
+  }
+  out.by_chance = std::min(sample, n);
+  while (out.by_chance < n &&
+         log_models + log_binomial_tail(out.by_chance + 1 - sample, n - sample, out.share) > 0)
+    ++out.by_chance;
+  return out;
+}
+
+}  // namespace sonocal

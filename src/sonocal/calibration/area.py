@@ -1,0 +1,58 @@
+"""What area predicted errors are quoted for, in words: the image where its size is known, else what was seen of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sonocal.calibration.result import Calibration
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array
+
+__all__ = ["area_findings", "expected_errors"]
+
+# Of the image's side, or of the longest side seen: ten points anywhere in an image span four fifths of it and more.
+BAND = 0.1
+
+
+def expected_errors(calibration: Calibration) -> str:
+    """What error to expect and where, in a sentence or two; the calibration has a covariance."""
+    below = calibration.predicted_errors()[2]
+    worst, centre = float(below[:-1].max()), float(below[-1])
+    up_to = f"Expect errors of the calibration up to {worst:.1f} mm"
+    if calibration.area_is_image:
+        return f"{up_to} at the image's corners and {centre:.1f} mm at its centre (95 %)."
+    growth = 100 * calibration.error_growth_mm_per_px()
+    return (
+        f"{up_to} at the corners of the area seen, {_size(calibration.area_px)} px, and {centre:.1f} mm at its centre "
+        f"(95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm a "
+        "100 px."
+    )
+
+
+def area_findings(calibration: Calibration) -> Iterator[Diagnostic]:
+    """An area seen that is a band: what the image is beyond it is a guess, however sure the band is."""
+    seen = calibration.seen_px
+    if seen is None:
+        return
+    sides = np.ptp(seen, axis=0)
+    whole = (
+        np.ptp(calibration.area_px, axis=0) if calibration.area_is_image else np.full(len(sides), sides.max())
+    )
+    if not np.any(sides < BAND * whole):
+        return
+    of = f" of the image's {_size(calibration.area_px)}" if calibration.area_is_image else ""
+    yield Diagnostic(
+        code="narrow-area",
+        severity="warning",
+        message=(
+            f"the area seen is a band of {_size(seen)}{of} px, and nothing beyond it was seen: errors there are a guess"
+        ),
+        advice="add sightings all over the image, above all near its corners"
+        + ("" if calibration.area_is_image else ", and give its size with --image-size"),
+    )
+
+
+def _size(area_px: Array) -> str:
+    return " x ".join(f"{side:.0f}" for side in np.ptp(area_px, axis=0) + 1)

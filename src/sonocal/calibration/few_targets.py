@@ -1,0 +1,83 @@
+"""Wires that are too few to show by their residuals that they are not where they are said to be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array
+from sonocal.registration.rows import PointLineRows
+
+__all__ = ["few_fixed_targets", "few_targets_finding"]
+
+# An offset of each of three wires has six numbers that residuals can show, and a calibration takes up seven.
+ENOUGH_TARGETS = 4
+# Frames in which two are seen together, to say that they keep their places to one another; and how well they do: a
+# tracker's noise leaves more than this of no phantom, and a hand moves two needles by more.
+FEWEST_FRAMES, KEPT_MM, KEPT_RAD = 4, 0.5, 0.01
+
+
+def few_fixed_targets(table: PointLineRows, inlier: NDArray[np.bool_]) -> int:
+    """How many targets there are, if they are too few and keep their places to one another; else 0.
+
+    A needle that is moved about is one target with as many places as it has poses: it never counts as few.
+
+    Args:
+        table: the fitted rows.
+        inlier: (N,): those that agree.
+    """
+    assert table.target is not None
+    if table.target.max(initial=0) == 0:
+        return 0
+    used = np.unique(table.target[inlier])
+    if not 1 < len(used) < ENOUGH_TARGETS:
+        return 0
+    others = (_kept_places(table, inlier, int(used[0]), int(other)) for other in used[1:])
+    return len(used) if all(others) else 0
+
+
+def few_targets_finding(table: PointLineRows, inlier: NDArray[np.bool_]) -> Iterator[Diagnostic]:
+    """The finding, where there are too few."""
+    count = few_fixed_targets(table, inlier)
+    if not count:
+        return
+    yield Diagnostic(
+        code="few-targets",
+        severity="warning",
+        message=(
+            f"all rows are of {count} wires that keep their places to one another: where these are not what the table "
+            "says, the calibration takes it up and no residual shows it; no error can be predicted"
+        ),
+        advice=f"scan {ENOUGH_TARGETS} wires or more in different directions, or a needle that is moved about",
+    )
+
+
+def _kept_places(table: PointLineRows, inlier: NDArray[np.bool_], one: int, other: int) -> bool:
+    """Whether two targets have the same angle and distance in all frames in which both are seen."""
+    first, second = (_by_frame(table, inlier & (table.target == which)) for which in (one, other))
+    frames = sorted(first.keys() & second.keys())
+    if len(frames) < FEWEST_FRAMES:
+        return False
+    a, b = (table.segments_mm[[rows[frame] for frame in frames]] for rows in (first, second))
+    angle, distance = _between(a, b)
+    return bool(np.ptp(angle) < KEPT_RAD and np.ptp(distance) < KEPT_MM)
+
+
+def _by_frame(table: PointLineRows, chosen: NDArray[np.bool_]) -> dict[int, int]:
+    """A row of each frame."""
+    assert table.frame is not None
+    rows = np.flatnonzero(chosen)
+    return dict(zip(table.frame[rows].tolist(), rows.tolist(), strict=True))
+
+
+def _between(a: Array, b: Array) -> tuple[Array, Array]:
+    """Angles (F,), rad, between segments (F, 2, 3), and distances (F,), mm, of one middle to the other line."""
+    along_a, along_b = (x[:, 1] - x[:, 0] for x in (a, b))
+    along_a, along_b = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (along_a, along_b))
+    cosine = np.clip(np.abs(np.einsum("fi,fi->f", along_a, along_b)), 0.0, 1.0)
+    apart = a.mean(axis=1) - b.mean(axis=1)
+    across = apart - np.einsum("fi,fi->f", apart, along_b)[:, None] * along_b
+    return np.arccos(cosine), np.linalg.norm(across, axis=1)

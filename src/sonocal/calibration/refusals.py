@@ -1,0 +1,65 @@
+"""A refusal that leads with what explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sonocal.calibration.options import Options
+from sonocal.calibration.rows import point_line_rows
+from sonocal.errors import DegenerateGeometryError, NoConsensusError
+from sonocal.findings import DECISIVE, Diagnostic
+from sonocal.observations import Observations
+from sonocal.registration.degeneracy import refuse_degenerate_lines
+from sonocal.registration.rows import PointLineRows
+from sonocal.setup_checks.refused import Refused, refusal_findings
+
+__all__ = ["explained", "leading_with"]
+
+# Where the noise would have told, and there is no fit to tell it from.
+THRESHOLD_MM = 5.0
+
+
+@contextmanager
+def explained(rows: Observations, options: Options) -> Iterator[None]:
+    """Within it, a refusal of these rows runs the set-up checks, carries what they find and leads with it."""
+    try:
+        yield
+    except (NoConsensusError, DegenerateGeometryError) as error:
+        table = point_line_rows(rows)
+        if _is_degenerate(table):  # whatever else is wrong with them, these rows have no answer
+            raise
+        threshold = options.threshold_mm
+        found = refusal_findings(
+            Refused(
+                observations=rows,
+                table=table,
+                model=options.model,
+                threshold_mm=THRESHOLD_MM if threshold == "auto" else threshold,
+                agreeing=error.best_count if isinstance(error, NoConsensusError) else None,
+            )
+        )
+        error.explained(found, leading_with(found, str(error)))
+        raise
+
+
+def leading_with(findings: tuple[Diagnostic, ...], refusal: str) -> str:
+    """The sentence of a refusal, led by the finding that explains it, if one does.
+
+    Of the refusal its fact stays, and not what to do: the finding knows better.
+    """
+    first = next((one for one in findings if one.code in DECISIVE), None)
+    fact = refusal.partition(";")[0]
+    if first is None:
+        return refusal
+    if first.code == "wrong-tool-frame":  # which says of the rows what the refusal says
+        return f"{fact}; {first.advice}"
+    return f"{first.message}; {first.advice} (refused as it stands: {fact})"
+
+
+def _is_degenerate(table: PointLineRows) -> bool:
+    try:
+        refuse_degenerate_lines(table)
+    except DegenerateGeometryError:
+        return True
+    return False

@@ -1,0 +1,179 @@
+"""Are lengths in mm and places in px? What no scanner shows and no needle measures is doubted, by the unit's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonocal.findings import Diagnostic
+from sonocal.geometry.transforms import Array
+
+__all__ = [
+    "UNITS_CODE",
+    "Hint",
+    "length_hints",
+    "needle_hints",
+    "place_hints",
+    "scale_hints",
+    "small_scan_hints",
+    "unit_doubt",
+]
+
+UNITS_CODE = "implausible-units"
+# What mm a unit is, in the order of how often people have it.
+UNITS = {"metres": 1000.0, "centimetres": 10.0, "inches": 25.4, "micrometres": 0.001}
+# No scanner shows less or more: 0.02 mm/px is a probe of 20 MHz, 1.5 a large abdomen in a thumbnail.
+LEAST_SCALE, MOST_SCALE = 0.01, 1.5
+# Of volumes, whose voxels are coarser: 64 of them may hold a whole abdomen.
+MOST_VOLUME_SCALE = 4.0
+# Of the scale's logarithm: it counts as out of bounds when its uncertainty does not bring it back.
+SURE = 2.0
+# Scanners mostly show between these: a unit that brings a scale here is named.
+USUAL_SCALE = (0.03, 0.8)
+# Two points that span a line may be a unit apart, and may span a room.
+LEAST_SPAN_MM, MOST_SPAN_MM = 0.9, 5000.0
+# Needles are 30 to 400 mm long, threads and wires up to a few metres.
+LEAST_NEEDLE_MM, MOST_NEEDLE_MM = 5.0, 3000.0
+USUAL_NEEDLE_MM = (30.0, 1000.0)
+# Markers are centimetres wide: nothing tracked turns and moves with its origin so near another's, or in a larger room.
+LEAST_PLACE_MM, MOST_PLACE_MM = 10.0, 50_000.0
+# Of a rotation matrix's entries: a tool that is used, and not a constant between two markers.
+TURNED = 0.1
+# A room, for units that bring a place here: from beside the tracker to its far end.
+USUAL_PLACE_MM = (30.0, 10_000.0)
+# Of a scan in centimetres each of these is smaller; of a scan in mm one may be, but not all three.
+SMALL_IMAGE_MM, SMALL_NEEDLE_MM, NEAR_MARKER_MM = 25.0, 30.0, 25.0
+# Places of images are counted in px from 0; normalised ones end at 1, and a detector may find a little more.
+MOST_NORMALISED = 1.05
+# Which unit could be meant is said where it brings one of the numbers into its usual range.
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Hint:
+    """A number that no set-up has.
+
+    Attributes:
+        what: it, in words, with its bounds.
+        value: the number; or None where it is not the lengths that are doubted.
+        usual: what such numbers mostly are.
+    """
+
+    what: str
+    value: float | None = None
+    usual: Range = (0.0, np.inf)
+
+    def units(self) -> list[str]:
+        """The units that would make it a usual number."""
+        if self.value is None:
+            return []
+        return [name for name, mm in UNITS.items() if self.usual[0] <= mm * self.value <= self.usual[1]]
+
+
+def unit_doubt(hints: Sequence[Hint], where: str = "") -> Iterator[Diagnostic]:
+    """The finding of hints, if there are any: which unit the numbers might be in, and what to multiply by.
+
+    Args:
+        hints: numbers that no set-up has.
+        where: what holds them, if that is not plain, such as "needle.toml: ".
+    """
+    if not hints:
+        return
+    named = [hint.units() for hint in hints if hint.value is not None]
+    common = [name for name in UNITS if named and all(name in names for names in named)]
+    units = common or list(dict.fromkeys(name for names in named for name in names))
+    normalised = any(hint.value is None for hint in hints)
+    question = " or ".join(units) if units else "millimetres"
+    what = "; ".join(hint.what for hint in hints)
+    yield Diagnostic(
+        code="implausible-units",
+        severity="warning",
+        message=where + ("are these pixels" if normalised else "are these " + question) + f"? {what}",
+        advice=_remedy(units, normalised=normalised)
+        + "; if they are what they say, go on with --accept-units",
+    )
+
+
+def _remedy(units: Sequence[str], *, normalised: bool) -> str:
+    if normalised:
+        return "multiply u by the image's width in px and v by its height"
+    if not units:
+        return "give lengths in mm and places of the image in px"
+    by = " or ".join(f"{UNITS[unit]:g} ({unit})" if len(units) > 1 else f"{UNITS[unit]:g}" for unit in units)
+    return f"multiply lengths by {by}"
+
+
+def scale_hints(scales: Array, deviation: float = 0.0, dimension: int = 2) -> list[Hint]:
+    """Of mm per px.
+
+    Args:
+        scales: (1,) to (3,).
+        deviation: standard deviation of their logarithm.
+        dimension: of the image: 2, or 3 for a volume.
+    """
+    slack = np.exp(SURE * deviation) if np.isfinite(deviation) else 1.0
+    least, most = float(np.min(scales)), float(np.max(scales))
+    if least * slack < LEAST_SCALE:
+        said = f"the scale came out as {least:.2g} mm/px, and no scanner shows less than {LEAST_SCALE:g}"
+        return [Hint(said, least, USUAL_SCALE)]
+    bound = MOST_SCALE if dimension == 2 else MOST_VOLUME_SCALE
+    if most / slack > bound:
+        said = f"the scale came out as {most:.3g} mm/px, and no scanner shows more than {bound:g}"
+        return [Hint(said, most, USUAL_SCALE)]
+    return []
+
+
+def length_hints(points_px: Array, segments_mm: Array) -> list[Hint]:
+    """Of a table's numbers as they stand: places (N, d) in the image, segments (N, 2, 3)."""
+    if not len(points_px):
+        return []
+    hints = []
+    if np.abs(points_px).max() <= MOST_NORMALISED:
+        hints.append(Hint("all places of the image are between -1 and 1, as normalised ones are"))
+    length = float(np.median(np.linalg.norm(segments_mm[:, 1] - segments_mm[:, 0], axis=1)))
+    if not LEAST_SPAN_MM <= length <= MOST_SPAN_MM:
+        hints.append(Hint(f"segments are {length:.2g} mm long in the middle", length, USUAL_NEEDLE_MM))
+    return hints
+
+
+def small_scan_hints(image_mm: float, needle_mm: float, marker_mm: float) -> list[Hint]:
+    """Of a scan whose scale may be: image, needle and the marker's distance all too small, as in centimetres.
+
+    Args:
+        image_mm: the longest side of the area seen.
+        needle_mm: the usual segment's length.
+        marker_mm: of the marker from the middle of the area seen.
+    """
+    if not (
+        LEAST_SPAN_MM < needle_mm < SMALL_NEEDLE_MM
+        and image_mm < SMALL_IMAGE_MM
+        and marker_mm < NEAR_MARKER_MM
+    ):
+        return []
+    said = (
+        f"the needle's segments are {needle_mm:.2g} mm long, the area seen {image_mm:.2g} mm, and the marker lies "
+        f"{marker_mm:.2g} mm from its middle"
+    )
+    return [Hint(said, needle_mm, USUAL_NEEDLE_MM)]
+
+
+def needle_hints(name: str, length_mm: float) -> list[Hint]:
+    """Of a needle or wire that a file of targets describes."""
+    if LEAST_NEEDLE_MM <= length_mm <= MOST_NEEDLE_MM:
+        return []
+    return [Hint(f"{name} is {length_mm:.2g} mm long", length_mm, USUAL_NEEDLE_MM)]
+
+
+def place_hints(name: str, matrices: Array) -> list[Hint]:
+    """Of a tool's valid poses (N, 4, 4): one that turns and moves, but in no room of a usual size."""
+    if len(matrices) < 2:
+        return []
+    places = matrices[:, :3, 3]
+    away = float(np.linalg.norm(places, axis=1).max())
+    turned = np.abs(matrices[:, :3, :3] - matrices[0, :3, :3]).max() > TURNED
+    moved = np.ptp(places, axis=0).max() > 0
+    if away > MOST_PLACE_MM or (away < LEAST_PLACE_MM and turned and moved):
+        return [Hint(f"{name} is at most {away:.2g} mm from its origin", away, USUAL_PLACE_MM)]
+    return []

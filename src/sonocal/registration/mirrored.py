@@ -1,0 +1,62 @@
+"""Volumes that are mirrored: they fit no similarity, and fit one once they are mirrored back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
+from sonocal.registration.fit import Fit
+from sonocal.registration.options import Options
+from sonocal.registration.rows import PointLineRows
+
+__all__ = ["mirrored_volume", "refuse_mirrored_volume"]
+
+# Of the mirrored rows this many times as many must agree as of those that stand as they do: where most of all rows
+# do, and where a part does, as of several candidates for one needle.
+GAIN_OF_MOST, GAIN_OF_PART = 1.25, 2.0
+
+
+def mirrored_volume(rows: PointLineRows) -> PointLineRows:
+    """The rows of a volume mirrored along one axis; along which is all the same, a turn apart."""
+    return replace(rows, points=rows.points * [1.0, 1.0, -1.0])
+
+
+def refuse_mirrored_volume(
+    rows: PointLineRows,
+    options: Options,
+    best_count: int,
+    fit: Callable[[PointLineRows, Options], Fit],
+    *,
+    least: int = 0,
+) -> None:
+    """Name the mirror where it is why rows of a volume were refused.
+
+    Args:
+        rows: points of a volume and their lines, which were refused.
+        options: how they were to be fitted.
+        best_count: how many of them agreed.
+        fit: of rows, or a refusal.
+        least: fewer rows than this prove nothing.
+
+    Raises:
+        MirroredVolumeError: mirrored, far more of the rows agree with one transform.
+    """
+    # Where rows fit nothing, their noise does not tell what agreeing is: any threshold would be wide enough.
+    within_mm = Options().threshold_mm if options.threshold_mm == "auto" else options.threshold_mm
+    try:
+        other = fit(mirrored_volume(rows), replace(options, threshold_mm=within_mm))
+    except (NoConsensusError, DegenerateGeometryError):
+        return
+    agreeing, count = int(np.count_nonzero(other.inlier)), len(rows)
+    gain = GAIN_OF_MOST if 2 * agreeing > count else GAIN_OF_PART
+    if agreeing < least or agreeing <= gain * best_count:
+        return
+    raise MirroredVolumeError(
+        f"no calibration agrees with more than {best_count} of {count} rows as they stand, and one fits {agreeing} of "
+        "them when the volume is mirrored along one axis: an axis of the volume runs the wrong way; check the order "
+        "and the direction of u, v and w",
+        best_count=best_count,
+    )

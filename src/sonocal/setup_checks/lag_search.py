@@ -1,0 +1,259 @@
+"""The lag under which most rows agree, looked for before any consensus: beyond it no residual tells of a lag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.errors import DegenerateGeometryError, NoConsensusError
+from sonocal.geometry import Array
+from sonocal.registration.fit import Fit
+from sonocal.registration.mapped import MappedRows
+from sonocal.registration.options import Model, Options
+from sonocal.registration.refine import refine_point_lines
+from sonocal.registration.robust import fit_point_lines
+from sonocal.registration.rows import PointLineRows
+from sonocal.registration.uncertainty import point_jacobian
+from sonocal.setup_checks.latency import deviation_of, is_significant, latency_of, speed_of
+from sonocal.setup_checks.lines_in_time import Moved, RowsInTime, ShiftedRows
+from sonocal.setup_checks.motion import FEWEST_FRAMES, Motion
+
+__all__ = ["Lag", "find_lag"]
+
+# Lags tried to either side: of a frame grabber, a video chain, a tracker's filter; and how finely, where a fast hand
+# moves by less than the threshold.
+MOST_S, STEP_S = 0.3, 0.02
+MOST_FRAMES, STEP_FRAMES = 6.0, 0.5
+FEW_SAMPLES = 300
+# Sightings that take part in the search and in the refinement, evenly from the whole scan: more make it no surer.
+MOST_SEARCHED, MOST_REFINED = 400, 4000
+REFINEMENTS = 6
+# Of the rows whose lines are known as they stand, those that must be known under a lag.
+LEAST_KNOWN = 0.5
+# Standard deviations, over stretches of the scan, of what a lag gains: half of those that the lag itself must have,
+# since the gain grows with its square.
+SIGNIFICANT_GAIN = 2.0
+# Share of the costs below which what is left is no drift that looks like a lag: that leaves most of itself.
+MUCH = 0.5
+STRETCHES = 12
+# Share of the velocities' squares that may be noise: needles that stand still tell of no lag.
+MOST_BY_NOISE = 0.75
+# An image shrunk to less than so many thresholds agrees with all lines that pass near one point.
+LEAST_SIZE = 2.0
+# Share of rows, each of which is meant to be right, that agree under a lag that is one.
+LEAST_AGREEING = 0.5
+# Share of a step within which a refined lag has come to rest.
+AT_REST = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Lag:
+    """A lag under which the rows agree better than as they stand.
+
+    Attributes:
+        value: how much later the tracker stamps an instant than the images do, in units of time.
+        deviation: its standard deviation.
+        unit: "s" or "frames".
+        speed: of the needle where it is seen, rms, across itself, mm a unit of time.
+        agreeing, compared: rows that agree under the lag, of those whose lines are known under it and without.
+        fit: the transform under the lag.
+    """
+
+    value: float
+    deviation: float
+    unit: str
+    speed: float
+    agreeing: int
+    compared: int
+    fit: Fit
+
+    @property
+    def moved_mm(self) -> float:
+        """By how much the lag moves the needle at its usual speed."""
+        return abs(self.value) * self.speed
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Rows under a lag, and the transform that most of them agree with, if any."""
+
+    shifted: ShiftedRows
+    fit: Fit | None
+    threshold_mm: float
+
+    @property
+    def costs(self) -> Array:
+        """(M,): of each row, between 0 and 1: truncated squared distances."""
+        if self.fit is None:
+            return np.ones(len(self.shifted.rows))
+        return np.minimum(self.fit.residuals_mm / self.threshold_mm, 1.0) ** 2
+
+    @property
+    def cost(self) -> float:
+        return float(self.costs.mean())
+
+
+def find_lag(
+    rows: RowsInTime, threshold_mm: float, model: Model = "similarity", least: float = LEAST_AGREEING
+) -> Lag | None:
+    """The lag that explains more than chance; None where there is none, or where time or motion are missing.
+
+    For each of some lags the lines are carried to where they were then, and fitted by consensus from few samples. The
+    best is refined with the transform, and must leave the rows' costs lower over most stretches of the scan.
+
+    Args:
+        rows: and where their lines were at any moment.
+        threshold_mm: rows within this distance agree.
+        model: of the transform.
+        least: share of the rows that must agree under the lag.
+    """
+    options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
+    some = rows.select(_some(rows, MOST_SEARCHED))
+    still = _tried(some, 0.0, options)
+    if not _enough(still.shifted):
+        return None
+    most, step = (MOST_S, STEP_S) if rows.unit == "s" else (MOST_FRAMES, STEP_FRAMES)
+    count = round(most / step)
+    lags = step * np.arange(-count, count + 1)
+    known = LEAST_KNOWN * len(still.shifted.rows)
+    trials = [_tried(some, lag, options) for lag in lags if lag != 0.0]
+    best = min(
+        (one for one in trials if len(one.shifted.rows) >= known), key=lambda one: one.cost, default=still
+    )
+    if best.fit is None:
+        return None
+    found = _refined(rows.select(_some(rows, MOST_REFINED)), best, options, step, most)
+    return found if found is not None and found.agreeing >= least * found.compared else None
+
+
+def _some(rows: RowsInTime, most: int) -> NDArray[np.bool_]:
+    """(N,): the rows of up to so many sightings, evenly from all."""
+    sighting = np.arange(len(rows)) if rows.table.sightings is None else rows.table.sightings
+    count = int(sighting.max(initial=0)) + 1
+    kept = np.zeros(count, dtype=bool)
+    kept[np.unique(np.linspace(0, count - 1, min(most, count)).astype(int))] = True
+    return kept[sighting]
+
+
+def _enough(shifted: ShiftedRows) -> bool:
+    """Whether a lag can be looked for at all."""
+    assert shifted.table.frame is not None
+    return len(np.unique(shifted.table.frame)) >= FEWEST_FRAMES
+
+
+def _tried(rows: RowsInTime, lag: float, options: Options) -> _Trial:
+    """The rows under a lag, fitted by consensus."""
+    assert options.threshold_mm != "auto"
+    shifted = rows.shifted(lag)
+    try:
+        fit = fit_point_lines(shifted.table, options) if len(shifted.rows) >= FEWEST_FRAMES else None
+    except (NoConsensusError, DegenerateGeometryError):
+        fit = None
+    if fit is not None:
+        size = float(np.ptp(fit.transform.apply(shifted.table.points), axis=0).max())
+        fit = fit if size > LEAST_SIZE * options.threshold_mm else None
+    return _Trial(shifted, fit, options.threshold_mm)
+
+
+def _refined(rows: RowsInTime, best: _Trial, options: Options, step: float, most: float) -> Lag | None:
+    """The lag and the transform refined together, if they stand against chance."""
+    assert best.fit is not None
+    lag, fit = best.shifted.lag, best.fit
+    motion = None
+    for _ in range(REFINEMENTS):
+        shifted = rows.shifted(lag)
+        fit = _fitted(fit, shifted.table, options)
+        motion = _motion(shifted, fit, rows.unit, best.threshold_mm)
+        if motion is None:
+            return None
+        change = float(np.clip(latency_of(motion), -step, step))
+        lag += change
+        if abs(lag) > most + step:
+            return None
+        if abs(change) < AT_REST * step:
+            break
+    assert motion is not None
+    found = _Trial(rows.shifted(lag), None, best.threshold_mm)
+    found = replace(found, fit=_fitted(fit, found.shifted.table, options))
+    still = _tried(rows, 0.0, replace(options, max_samples=10 * FEW_SAMPLES))
+    return _compared(rows.time, found, still, motion)
+
+
+def _fitted(start: Fit, table: PointLineRows, options: Options) -> Fit:
+    """The transform refined on the rows that agree with it."""
+    assert options.threshold_mm != "auto"
+    distances = MappedRows(start.transform, table).distances
+    return refine_point_lines(start.transform, table, distances <= options.threshold_mm, options)
+
+
+def _compared(time: Array, found: _Trial, still: _Trial, motion: Motion) -> Lag | None:
+    """The lag, if it is surer than chance and its rows' costs are lower over the stretches of the scan."""
+    assert found.fit is not None
+    common, ours, theirs = np.intersect1d(found.shifted.rows, still.shifted.rows, return_indices=True)
+    before, after = still.costs[theirs], found.costs[ours]
+    stretch = np.argsort(np.argsort(time[common], kind="stable")) * STRETCHES // max(len(common), 1)
+    gains = np.bincount(stretch, before - after, minlength=STRETCHES).astype(float)
+    if not _signed_rank(gains) > SIGNIFICANT_GAIN:
+        return None
+    agree, lag, deviation = after < 1.0, found.shifted.lag, deviation_of(motion)
+    much = float(after[agree].sum()) < MUCH * float(before[agree].sum())
+    if not is_significant(motion, lag, deviation, motion.residuals, may_drift=not much):
+        return None
+    return Lag(
+        value=lag,
+        deviation=deviation,
+        unit=motion.unit,
+        speed=speed_of(motion),
+        agreeing=int(np.count_nonzero(agree)),
+        compared=len(common),
+        fit=found.fit,
+    )
+
+
+def _signed_rank(gains: Array) -> float:
+    """Wilcoxon's signed-rank statistic of gains (S,) against none, in standard deviations.
+
+    A lag throws some stretches out of the fit altogether and hardly shows in others: signs and ranks tell of both.
+    """
+    ranks = np.argsort(np.argsort(np.abs(gains))) + 1.0
+    return float(np.sum(np.sign(gains) * ranks) / np.sqrt(np.sum(ranks**2)))
+
+
+def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> Motion | None:
+    """What the transform's motions and time do to the rows that agree; None where they are too few or too slow."""
+    mapped = MappedRows(fit.transform, shifted.table)
+    agree = np.flatnonzero(mapped.distances <= threshold_mm)
+    assert shifted.table.frame is not None
+    if len(np.unique(shifted.table.frame[agree])) < FEWEST_FRAMES:
+        return None
+    displaced = point_jacobian(fit.transform, shifted.table.points[agree], 7 + (fit.model == "anisotropic"))
+    directions = mapped.directions[agree]
+    share = (mapped.along_mm[agree] / mapped.lengths_mm[agree])[:, None]
+    velocities = shifted.moved.velocities[agree]
+    moved = velocities[:, 0] * (1 - share) + velocities[:, 1] * share
+    frame = np.unique(shifted.table.frame[agree], return_inverse=True)[1].reshape(-1).astype(np.int64)
+    velocity = moved - directions * np.einsum("ni,ni->n", moved, directions)[:, None]
+    by_noise = _by_noise(shifted.moved, agree, share)
+    if by_noise[:, 1].sum() > MOST_BY_NOISE * np.sum(velocity**2):
+        return None
+    return Motion(
+        rows=shifted.rows[agree],
+        frame=frame,
+        number=frame,
+        residuals=mapped.residuals[agree],
+        displaced=displaced,
+        jacobian=displaced - directions[:, :, None] * (directions[:, None, :] @ displaced),
+        velocity=velocity,
+        usable=np.full(len(agree), True),
+        unit=unit,
+        by_noise=by_noise,
+    )
+
+
+def _by_noise(moved: Moved, rows: NDArray[np.int64], share: Array) -> Array:
+    """(M, 2): products of velocity with residual and itself that noise gives, over both directions across lines."""
+    across = 2.0 * ((1 - share) ** 2 + share**2)
+    # A residual has the noise of the line taken away.
+    return np.asarray(across * np.stack([-moved.coupling[rows], moved.unrest[rows]], axis=1))

@@ -1,0 +1,89 @@
+"""Why rows were refused: the checks that run where there is no calibration to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sonocal.findings import DECISIVE, Diagnostic, warnings_first
+from sonocal.observations import Observations
+from sonocal.registration.degeneracy import nearly_degenerate
+from sonocal.registration.mirrored import mirrored_volume
+from sonocal.registration.options import Model
+from sonocal.registration.rows import PointLineRows
+from sonocal.setup_checks.lag_search import find_lag
+from sonocal.setup_checks.late import lag_finding
+from sonocal.setup_checks.latency import LEAST_LAG_MM
+from sonocal.setup_checks.lines_in_time import RowsInTime
+from sonocal.setup_checks.placement import GOOD_SHARE, POOR_SHARE, quick_fit, wrong_frame
+
+__all__ = ["CHECKS", "Refused", "refusal_findings"]
+
+
+@dataclass(frozen=True, eq=False)
+class Refused:
+    """Rows that no calibration was found for.
+
+    Attributes:
+        observations: as the user has them.
+        table: the same as registration takes them.
+        model: one scale, or one along u and one along v.
+        threshold_mm: rows within this distance would have agreed.
+        agreeing: rows that agree with the best that was found, as the refusal says; None where it says nothing of it.
+    """
+
+    observations: Observations
+    table: PointLineRows
+    model: Model
+    threshold_mm: float
+    agreeing: int | None = None
+
+
+Check = Callable[[Refused], Iterable[Diagnostic]]
+
+
+def check_late(refused: Refused) -> Iterator[Diagnostic]:
+    """Rows that agree once their lines are taken from another moment."""
+    rows = RowsInTime.of(refused.observations, refused.table)
+    lag = find_lag(rows, refused.threshold_mm, refused.model)
+    if lag is not None and lag.moved_mm > LEAST_LAG_MM:
+        yield lag_finding(lag)
+
+
+def check_mirrored(refused: Refused) -> Iterator[Diagnostic]:
+    """A volume that fits once it is mirrored."""
+    if refused.table.dimension != 3 or nearly_degenerate(refused.table) is not None:
+        return
+    fit = quick_fit(mirrored_volume(refused.table), refused.threshold_mm)
+    if fit is None or not np.mean(fit.inlier) > GOOD_SHARE:
+        return
+    yield Diagnostic(
+        code="flipped-image",
+        severity="warning",
+        message=(
+            f"the volume fits when it is mirrored along one axis: {np.count_nonzero(fit.inlier)} of {len(fit.inlier)} "
+            "rows agree then"
+        ),
+        advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
+    )
+
+
+# Checks whose finding explains a refusal, those first that leave least doubt. Each gets what was refused and gives
+# findings; one that looks at something else, such as units, is a line here.
+CHECKS: list[Check] = [check_late, check_mirrored]
+
+
+def refusal_findings(refused: Refused) -> tuple[Diagnostic, ...]:
+    """What explains that rows were refused, as far as they themselves can tell: what is decisive first.
+
+    Where nothing else does and few rows agree, they are in no common frame.
+    """
+    found = [finding for check in CHECKS for finding in check(refused)]
+    few = refused.agreeing is not None and refused.agreeing < POOR_SHARE * len(refused.table)
+    if few and not any(finding.code in DECISIVE for finding in found):
+        found.append(
+            wrong_frame(f"only {refused.agreeing} of {len(refused.table)} rows agree with any calibration")
+        )
+    return warnings_first(found)

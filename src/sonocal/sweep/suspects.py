@@ -1,0 +1,260 @@
+"""What may be wrong with a recording in which few sightings agree: its clocks, its poses, the frame of its lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sonocal.calibration import Calibration
+from sonocal.calibration.options import Options
+from sonocal.calibration.refusals import leading_with
+from sonocal.calibration.rows import point_line_rows
+from sonocal.detection import Detections
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.findings import Diagnostic, Findings
+from sonocal.geometry import Array
+from sonocal.observations import Observations
+from sonocal.recording import Poses, Recording
+from sonocal.setup_checks.lag_search import Lag, find_lag
+from sonocal.setup_checks.late import lag_finding, spoiling_lag
+from sonocal.setup_checks.latency import LEAST_LAG_MM
+from sonocal.setup_checks.lines_in_time import RowsInTime
+from sonocal.setup_checks.placement import GAIN, quick_fit, wrong_frame
+from sonocal.sweep.tabulate import Posing, tabulated
+from sonocal.targets import Line
+
+__all__ = ["Suspects"]
+
+# Ranks of candidates that are looked at: others are hardly ever the needle.
+RANKS = 2
+OF = "'s"
+# Share of the images' best candidates that agree where all is well, others lie on clutter; and of images in which one
+# of the first two does.
+LEAST_SHARE, GOOD_SHARE = 0.25, 0.6
+# Share of the sightings below which it is asked why not more took part: needles are out of view for a while.
+FEW = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Suspects:
+    """A recording, what was detected in it, and how its lines came into the probe marker's frame.
+
+    Attributes:
+        recording: with the poses as they are.
+        lines: the needles and wires.
+        detections: what was found in the images, candidates among them.
+        posing: which tool the probe's marker is, and what connects the lines to it.
+        options: how rows are fitted.
+        threshold_mm: detections within this distance of their line agree.
+    """
+
+    recording: Recording
+    lines: tuple[Line, ...]
+    detections: Detections
+    posing: Posing
+    options: Options
+    threshold_mm: float
+
+    @contextmanager
+    def explaining(self) -> Iterator[None]:
+        """Within it, a refusal leads with what explains it."""
+        try:
+            yield
+        except (NoConsensusError, DegenerateGeometryError) as error:
+            if found := self.findings(getattr(error, "best_count", None)):
+                error.explained(found, leading_with(found, error.refusal or str(error)))
+            raise
+
+    def judging(self, calibration: Calibration, used: int, sightings: int) -> Calibration:
+        """The calibration, with what is suspect where few sightings took part, looked for when its findings are read.
+
+        Args:
+            calibration: of the sightings that agree.
+            used: how many do.
+            sightings: of how many.
+        """
+
+        def look() -> tuple[Diagnostic, ...]:
+            own = tuple(calibration.diagnostics)
+            if used >= FEW * sightings and not any(one.code == "latency" for one in own):
+                return own
+            found = self.findings(used)
+            if self._lag is not None:
+                tolerance_mm = self.options.tolerance_mm
+                answer = calibration.probe_from_image, calibration.area_px
+                found += tuple(spoiling_lag(self._lag, *answer, tolerance_mm))
+            better = {one.code for one in found} | ({"latency", "wrong-tool-frame"} if found else set())
+            return (*found, *(one for one in own if one.code not in better))
+
+        return replace(calibration, diagnostics=Findings(looks=(look,)))
+
+    def findings(self, agreeing: int | None = None) -> tuple[Diagnostic, ...]:
+        """What explains that few agree: the first suspect that does is named, and no other.
+
+        Args:
+            agreeing: how many sightings do, where that is said beside.
+        """
+        for look in (self._late, self._wrong_poses, self._wrong_frame):
+            if found := tuple(look()):
+                said = "" if agreeing is None else f", instead of {agreeing}"
+                return tuple(replace(one, message=one.message + said) for one in found)
+        return ()
+
+    def _table(self, segments_mm: Array, ranks: int = RANKS) -> Observations:
+        """The best candidates of each image against lines (N, L, 2, 3)."""
+        best = self.detections.select(self.detections.rank < ranks)
+        return tabulated(self.recording, self.lines, best, segments_mm).observations
+
+    @cached_property
+    def _lag(self) -> Lag | None:
+        """Lines from another moment: the poses of all items say where they were, not only those with a detection."""
+        if np.isnan(self.recording.times).any():
+            return None
+        lags = (self._lag_of(ranks) for ranks in (1, RANKS))
+        return next((lag for lag in lags if lag is not None and lag.moved_mm > LEAST_LAG_MM), None)
+
+    def _lag_of(self, ranks: int) -> Lag | None:
+        """From so many candidates an image: the first are the surest, and in speckle too few of them the needle."""
+        segments = self.posing.segments_mm(self.recording, self.lines)
+        table = self._table(segments, ranks)
+        names = [line.name for line in self.lines]
+        track = np.array([names.index(str(name)) for name in table.target])
+        rows = RowsInTime.in_recording(
+            point_line_rows(table), self.recording.times, segments, table.frame, track
+        )
+        return find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
+
+    def _late(self) -> Iterator[Diagnostic]:
+        if self._lag is not None:
+            yield lag_finding(self._lag, self.recording.latency_s)
+
+    def _wrong_poses(self) -> Iterator[Diagnostic]:
+        """Poses that fit when they are taken for something else."""
+        probe, frames = self.posing.probe, list(dict.fromkeys(line.frame for line in self.lines))
+        tools = [one for one in dict.fromkeys([probe, *frames]) if self._is_tracked(one)]
+        whose = [*([tool] for tool in tools), *([tools] if len(tools) > 1 else [])]
+        trials = {
+            f"the {' and the '.join(tool + OF for tool in some)} poses fit when they are {how}": (
+                some,
+                change,
+            )
+            for some in whose
+            for how, change in CHANGES.items()
+        }
+        found = self._best({words: self._with_poses(*trial) for words, trial in trials.items()})
+        if found is not None:
+            yield Diagnostic(
+                code="wrong-poses",
+                severity="warning",
+                message=found,
+                advice=(
+                    f"write them as they are meant: a transform named {probe}ToTracker carries points of the {probe} "
+                    "into the tracker's frame, and the numbers of a quaternion have an order"
+                ),
+            )
+
+    def _wrong_frame(self) -> Iterator[Diagnostic]:
+        """Lines that fit in the frame of another tool, or in the tracker's."""
+        said, known = self.lines[0].frame, self.recording.poses.values()
+        names = dict.fromkeys([*self.recording.tools, *(one.target for one in known)])
+        found = self._best(
+            {
+                f"the lines fit when they are taken to be in the frame of {name}, not of {said}": self._in_frame(
+                    name
+                )
+                for name in names
+                if name.lower() not in {line.frame.lower() for line in self.lines}
+            }
+        )
+        if found is not None:
+            yield wrong_frame(
+                found, "correct the frame in the file of lines, or carry the lines into the one it names"
+            )
+
+    def _is_tracked(self, tool: str) -> bool:
+        return sum(one.source.lower() == tool.lower() for one in self.recording.poses.values()) == 1
+
+    def _with_poses(self, tools: list[str], change: Callable[[Array], Array]) -> Callable[[], Array]:
+        """The lines' ends with some tools' poses changed."""
+        names = {tool.lower() for tool in tools}
+        poses = {
+            name: replace(one, matrices=_changed(one, change)) if one.source.lower() in names else one
+            for name, one in self.recording.poses.items()
+        }
+        return lambda: self.posing.segments_mm(replace(self.recording, poses=poses), self.lines)
+
+    def _in_frame(self, frame: str) -> Callable[[], Array]:
+        """The lines' ends as if they were given in another frame."""
+        lines = [replace(line, frame=frame) for line in self.lines]
+        return lambda: self.posing.segments_mm(self.recording, lines)
+
+    def _best(self, trials: dict[str, Callable[[], Array]]) -> str | None:
+        """The trial under which most agree, in words with how many, if they are far more than as things stand."""
+        before = self._agreeing(lambda: self.posing.segments_mm(self.recording, self.lines))
+        shares = {words: self._agreeing(segments) for words, segments in trials.items()}
+        words = max(shares, key=lambda one: shares[one].part, default="")
+        if not shares or not shares[words].part > max(GOOD_SHARE, before.part + GAIN):
+            return None
+        return f"{words}: {shares[words].count} of {shares[words].of} images agree then"
+
+    def _agreeing(self, segments: Callable[[], Array]) -> _Share:
+        """Sightings that agree with one transform, of those that have a candidate."""
+        try:
+            table = self._table(segments())
+        except InputError:  # nothing connects such a frame to the probe
+            return _Share(0, 1)
+        sightings = len(np.unique(table.frame))
+        fit = quick_fit(point_line_rows(table), self.threshold_mm)
+        return _Share(0 if fit is None else len(np.unique(table.frame[fit.inlier])), sightings)
+
+
+@dataclass(frozen=True)
+class _Share:
+    """How many images agree, of how many."""
+
+    count: int
+    of: int
+
+    @property
+    def part(self) -> float:
+        return self.count / self.of
+
+
+def _changed(poses: Poses, change: Callable[[Array], Array]) -> Array:
+    """The matrices with the valid ones changed."""
+    matrices = poses.matrices.copy()
+    matrices[poses.valid] = change(matrices[poses.valid])
+    return matrices
+
+
+def _transposed(matrices: Array) -> Array:
+    changed = matrices.copy()
+    changed[:, :3, :3] = np.swapaxes(matrices[:, :3, :3], 1, 2)
+    return changed
+
+
+def _reordered(order: Iterable[int]) -> Callable[[Array], Array]:
+    """Rotations whose quaternions (w, x, y, z) are read in another order."""
+
+    def change(matrices: Array) -> Array:
+        from scipy.spatial.transform import Rotation
+
+        wxyz = np.roll(Rotation.from_matrix(matrices[:, :3, :3]).as_quat(), 1, axis=1)
+        changed = matrices.copy()
+        changed[:, :3, :3] = Rotation.from_quat(np.roll(wxyz[:, list(order)], -1, axis=1)).as_matrix()
+        return changed
+
+    return change
+
+
+CHANGES: dict[str, Callable[[Array], Array]] = {
+    "inverted": lambda matrices: np.asarray(np.linalg.inv(matrices)),
+    "turned the other way (their rotations transposed)": _transposed,
+    "read with the scalar of their quaternions last": _reordered([3, 0, 1, 2]),
+    "read with the scalar of their quaternions first": _reordered([1, 2, 3, 0]),
+}
+"""What poses may be instead: the rest of each is as it was."""

@@ -1,0 +1,75 @@
+"""What no scan of a needle can show, said once with the figure to compare with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sonocal.calibration import Calibration
+from sonocal.geometry import area_places
+
+__all__ = ["CANNOT_SHOW", "cannot_show"]
+
+CANNOT_SHOW = "What these numbers cannot show"
+
+
+def cannot_show(calibration: Calibration) -> tuple[str, ...]:
+    """What fits as well as the truth, each a sentence with what to compare: true of every calibration, no warning."""
+    return (_orientation(calibration), _shared_offset(), _size(calibration))
+
+
+def _orientation(calibration: Calibration) -> str:
+    what = "A mirrored or turned image" if calibration.dimension == 2 else "A turned volume"
+    options = calibration.options
+    told = (
+        "the expected orientation that was given"
+        if options.expected_rotation is not None
+        else "the side that was given"
+        if options.marker_above_image
+        else ""
+    )
+    compare = (
+        f"it was compared with {told}; compare with the probe, too"
+        if told
+        else "compare with the probe, or let --marker-above or --expected compare"
+    )
+    return f"{what} fits as well. By these numbers the marker lies {_marker(calibration)}: {compare}."
+
+
+def _marker(calibration: Calibration) -> str:
+    """Where the marker's origin lies as one sees it with the probe in the hand, from the image."""
+    transform = calibration.probe_from_image
+    marker = -transform.translation @ transform.rotation  # mm along u, v and their normal
+    scales = transform.scales[: calibration.dimension]
+    (left, top, *_), (right, bottom, *_) = calibration.area_px * scales
+    name = "image" if calibration.area_is_image else "area seen"
+    if marker[1] < top:
+        height = f"{top - marker[1]:.0f} mm above the top edge of the {name}"
+    elif marker[1] > bottom:
+        height = f"{marker[1] - bottom:.0f} mm below the bottom edge of the {name}"
+    else:
+        height = f"beside the {name}, {marker[1] - top:.0f} mm below its top edge"
+    aside = marker[0] - (left + right) / 2
+    depth = marker[2] - (area_places(calibration.area_px)[-1] * scales)[2] if len(scales) == 3 else marker[2]
+    normal = "w" if len(scales) == 3 else "its normal (u x v)"
+    return (
+        f"{height}, {abs(aside):.0f} mm to the {'right' if aside >= 0 else 'left'} of its middle and "
+        f"{abs(depth):.0f} mm {'along' if depth >= 0 else 'against'} {normal}"
+    )
+
+
+def _shared_offset() -> str:
+    return (
+        "An error that all rows share (where the needle is in its marker, how the probe's marker is defined) leaves no "
+        "trace in residuals: compare with a point whose place is known otherwise, with validate --crosswire."
+    )
+
+
+def _size(calibration: Calibration) -> str:
+    scales = calibration.probe_from_image.scales[: calibration.dimension]
+    sides = (np.ptp(calibration.area_px, axis=0) + 1) * scales
+    one = calibration.model == "similarity"
+    per_px = f"{scales[0]:.4f}" if one else f"{scales[0]:.4f} (u) and {scales[1]:.4f} (v)"
+    return (
+        f"Lengths are as right as the tracker's and the needle's: {per_px} mm/px make the {calibration.area_name} "
+        f"{' x '.join(f'{side:.0f}' for side in sides)} mm; compare with the depth and the ruler on the scanner."
+    )

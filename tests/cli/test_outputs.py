@@ -1,0 +1,174 @@
+"""No command loses a file: what is read stays, what is there stays unless told, and runs do not mix."""
+
+import shutil
+
+import pytest
+from click.testing import CliRunner
+
+import sonocal as sc
+from sonocal.cli.main import main
+from sonocal.files.png import png
+from sonocal.simulation.scene import simulate_observations
+from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+from sonocal.simulation.sweep_files import write_sweep
+from sonocal.simulation.ultrasound import BATH
+from sonocal.simulation.ultrasound_probe import curvilinear
+from tests.builders.calibrations import slipped_rows
+
+COMMANDS = {
+    "calibrate": ["calibrate", "table.csv", "-o", "out"],
+    "calibrate a recording": ["calibrate", "sweep.igs.mha", "--lines", "needle.toml", "-o", "out"],
+    "detect": ["detect", "sweep.igs.mha", "--lines", "needle.toml", "-o", "out.csv", "--sheet", "out.png"],
+    "export": ["export", "calibration.json", "--to", "itk", "-o", "out.tfm"],
+    "simulate": ["simulate", "-o", "out", "--frames", "2"],
+    "demo": ["demo", "-o", "out", "--needles", "10"],
+}
+# Onto what it reads, by any name of it.
+ONTO_INPUT = {
+    "detect": ["detect", "sweep.igs.mha", "--lines", "needle.toml", "-o", "sweep.igs.mha"],
+    "detect, the sheet": ["detect", "sweep.igs.mha", "--lines", "needle.toml", "--sheet", "./needle.toml"],
+    "export": ["export", "calibration.json", "--to", "json", "-o", "link.json"],
+    "tool": ["tool", "sweep.igs.mha", "-o", "sweep.igs.mha"],
+    "calibrate": ["calibrate", "observations.csv", "--lines", "needle.toml", "-o", "."],
+    "calibrate, among its images": ["calibrate", "images", "--lines", "needle.toml", "-o", "images"],
+}
+
+
+def run(*arguments):
+    return CliRunner(env={"COLUMNS": "200", "TERM": "dumb"}).invoke(main, [str(a) for a in arguments])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made")
+    write_sweep(simulate_sweep(curvilinear(), BATH, SweepOptions(frames=40, hidden_share=0)), folder)
+    rows = simulate_observations(2, 30, seed=1).observations
+    sc.write_observations(rows, folder / "table.csv")
+    shutil.copy(folder / "sweep.igs.mha", folder / "observations.csv")
+    (folder / "images").mkdir()
+    sc.calibrate(rows).save(folder / "calibration.json")
+    (folder / "link.json").symlink_to(folder / "calibration.json")
+    return folder
+
+
+@pytest.fixture
+def here(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path / "here", symlinks=True)
+    (tmp_path / "here" / "link.json").unlink()
+    (tmp_path / "here" / "link.json").symlink_to(tmp_path / "here" / "calibration.json")
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "here"
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_second_run_touches_nothing_unless_told(here, command):
+    assert run(*COMMANDS[command]).exit_code == 0
+    before = contents(here)
+    again = run(*COMMANDS[command])
+    assert again.exit_code == 1
+    assert "is there already; choose another place with -o, or replace it with --overwrite" in again.output
+    assert contents(here) == before
+    assert run(*COMMANDS[command], "--overwrite").exit_code == 0
+    assert contents(here).keys() == before.keys()
+
+
+@pytest.mark.parametrize("told", [[], ["--overwrite"]])
+@pytest.mark.parametrize("command", ONTO_INPUT)
+def test_no_command_writes_onto_what_it_reads(here, command, told):
+    before = contents(here)
+    refused = run(*ONTO_INPUT[command], *told)
+    assert refused.exit_code == 1, refused.output
+    assert "that this command reads" in refused.output or "is what this command reads" in refused.output
+    assert contents(here) == before
+
+
+def test_a_device_set_is_changed_in_place_only_when_told(here):
+    devices = here / "devices.xml"
+    devices.write_text("<PlusConfiguration>\n  <CoordinateDefinitions/>\n</PlusConfiguration>\n")
+    command = ("export", "calibration.json", "--to", "plus", "--into", devices, "-o", devices)
+    assert run(*command).exit_code == 1
+    assert "ImageToProbe" not in devices.read_text()
+    assert run(*command, "--overwrite").exit_code == 0
+    assert "ImageToProbe" in devices.read_text()
+
+
+def test_a_page_of_an_earlier_run_stands_beside_no_other_calibration(here):
+    assert run(*COMMANDS["calibrate"]).exit_code == 0
+    assert (here / "out" / "report.html").exists()
+    (here / "out" / "calibration.json").unlink()
+    refused = run(*COMMANDS["calibrate"], "--no-report")
+    assert (refused.exit_code, "report.html: is there already" in refused.output) == (1, True)
+    assert run(*COMMANDS["calibrate"], "--no-report", "--overwrite").exit_code == 0
+    assert sorted(path.name for path in (here / "out").iterdir()) == ["calibration.json"]
+
+
+def test_what_somebody_else_made_stays(here):
+    (here / "out").mkdir()
+    theirs = {
+        "contact-sheet.png": b"\x89PNG another program",
+        "observations.csv": b"mine",
+        "note.txt": b"note",
+    }
+    for name, content in theirs.items():
+        (here / "out" / name).write_bytes(content)
+    assert run(*COMMANDS["calibrate"], "--overwrite").exit_code == 0
+    assert {name: (here / "out" / name).read_bytes() for name in theirs} == theirs
+
+
+def test_a_validation_replaces_its_own_calibrations_report_and_no_other(here):
+    assert run(*COMMANDS["calibrate"]).exit_code == 0
+    assert run("validate", "out/calibration.json", "table.csv").exit_code == 0
+    (here / "other").mkdir()
+    sc.calibrate(simulate_observations(2, 30, seed=2).observations).save(here / "other" / "calibration.json")
+    beside = run("validate", "out/calibration.json", "table.csv", "-o", "other", "--overwrite")
+    assert (beside.exit_code, "holds another calibration" in beside.output) == (1, True)
+    shutil.copy(here / "out" / "report.html", here / "other" / "report.html")
+    foreign = run("validate", "other/calibration.json", "table.csv")
+    assert (foreign.exit_code, "is there already" in foreign.output) == (1, True)
+
+
+def test_what_is_not_to_be_used_is_exported_only_by_force(here):
+    sc.calibrate(slipped_rows()).save(here / "slipped.json")
+    for form, name in (("plus", "a.xml"), ("itk", "a.tfm"), ("slicer", "b.tfm"), ("json", "b.json")):
+        command = ("export", "slipped.json", "--to", form, "-o", name)
+        refused = run(*command)
+        assert refused.exit_code == 1
+        assert "marker-slipped" in refused.output
+        assert not (here / name).exists()
+        assert run(*command, "--force").exit_code == 0
+        assert (here / name).exists()
+
+
+def test_a_demonstration_takes_the_next_folder(here):
+    names = []
+    for _ in range(3):
+        before = {path.name for path in here.iterdir()}
+        assert run("demo", "--no-report", "--needles", "10").exit_code == 0
+        names += {path.name for path in here.iterdir()} - before
+    assert names == ["sonocal-demo", "sonocal-demo-2", "sonocal-demo-3"]
+
+
+def test_a_refused_recording_leaves_an_earlier_calibration_as_it_was(here):
+    assert run(*COMMANDS["calibrate a recording"]).exit_code == 0
+    before = contents(here / "out")
+    (here / "needle.toml").write_text(
+        '[[line]]\nname = "needle"\nframe = "Needle"\nfrom_mm = [900.0, 0.0, 0.0]\nto_mm = [900.0, 900.0, 0.0]\n'
+    )
+    refused = run(*COMMANDS["calibrate a recording"], "--overwrite")
+    assert refused.exit_code == 1
+    assert contents(here / "out").keys() - before.keys() == {here / "out" / "refused-contact-sheet.png"}
+    assert {path: content for path, content in contents(here / "out").items() if path in before} == before
+
+
+def test_pictures_say_what_made_them(tmp_path):
+    import numpy as np
+
+    pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    (tmp_path / "a.png").write_bytes(png(np.arange(12, dtype=np.uint8).reshape(3, 4)))
+    with pillow.open(tmp_path / "a.png") as picture:
+        assert picture.info == {"Software": "sonocal"}
+        np.testing.assert_array_equal(np.asarray(picture), np.arange(12).reshape(3, 4))

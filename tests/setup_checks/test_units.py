@@ -1,0 +1,82 @@
+"""Lengths that are not mm, and places that are not px, are doubted by name; sound scans are not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from benchmarks.simulators.scans import scan
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sonocal as sc
+from sonocal.cli.main import main
+from sonocal.geometry.units import length_hints, needle_hints, place_hints, scale_hints
+from sonocal.simulation.scene import simulate_observations
+from sonocal.validation import give_verdict
+from tests.builders.recordings import random_poses
+
+CODE = "implausible-units"
+IN_MM = {"metres": 1000.0, "centimetres": 10.0, "inches": 25.4}
+
+
+def doubts(rows):
+    return [one for one in sc.calibrate(rows).warnings if one.code == CODE]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("unit", IN_MM)
+def test_a_unit_is_named_and_stops(unit, dimension):
+    for seed in range(10):
+        rows = scan(seed, dimension=dimension, outliers=0).observations
+        other = dataclasses.replace(rows, segments_mm=rows.segments_mm / IN_MM[unit])
+        (doubt,) = doubts(other)
+        assert unit in doubt.message
+        assert f"{IN_MM[unit]:g}" in doubt.advice
+        assert give_verdict(sc.calibrate(other)).level == "stop"
+
+
+def test_shares_of_the_image_are_named():
+    rows = simulate_observations(2, 40, seed=1).observations
+    shares = dataclasses.replace(rows, points_px=rows.points_px / 500, image_size_px=None)
+    (doubt,) = doubts(shares)
+    assert "are these pixels?" in doubt.message
+    assert "multiply u by the image's width" in doubt.advice
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("count", [10, 50, 400])
+def test_sound_scans_are_not_doubted(dimension, count):
+    for seed in range(20):
+        assert not doubts(simulate_observations(dimension, count, seed=seed).observations)
+
+
+@given(st.floats(0.02, 1.4), st.floats(30, 400), st.floats(100, 1500))
+def test_what_scanners_and_needles_are_is_not_doubted(mm_per_px, needle_mm, away_mm):
+    rng = np.random.default_rng(0)
+    points, segments = rng.uniform(0, 500, (20, 2)), np.zeros((20, 2, 3)) + away_mm
+    segments[:, 1, 2] += needle_mm
+    assert not scale_hints(np.array([mm_per_px]))
+    assert not length_hints(points, segments)
+    assert not needle_hints("needle", needle_mm)
+    poses = random_poses(rng, 20)
+    poses[:, :3, 3] += away_mm
+    assert not place_hints("Probe", poses)
+
+
+def test_an_unsure_scale_is_not_doubted_and_a_sure_one_is():
+    assert scale_hints(np.array([0.008]), 0.01)
+    assert not scale_hints(np.array([0.008]), 0.2)
+
+
+def test_the_command_stops_writes_nothing_and_goes_on_when_told(tmp_path):
+    rows = scan(0, outliers=0).observations
+    sc.write_observations(dataclasses.replace(rows, segments_mm=rows.segments_mm / 1000), tmp_path / "a.csv")
+    arguments = ["calibrate", str(tmp_path / "a.csv"), "-o", str(tmp_path / "out"), "--no-report"]
+    refused = CliRunner().invoke(main, arguments)
+    assert (refused.exit_code, "are these metres?" in refused.output) == (1, True)
+    assert not (tmp_path / "out").exists()
+    told = CliRunner().invoke(main, [*arguments, "--accept-units"])
+    assert told.exit_code == 0, told.output
+    assert "Do not use it." in told.output
+    assert "Sound" not in told.output
