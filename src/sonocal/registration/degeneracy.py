@@ -37,10 +37,10 @@ NEAR = 0.15
 NEAREST = 0.15
 # Below this the configuration may be one of those above: their information is the square of their angle or length.
 SUSPICIOUS_INFORMATION = 1e-5
-# Share of what rows seem to say of a motion that noise may have given, at which nothing is said any more: from half on
+# Share of what rows seem to say of a motion that noise may have given, at which nothing is said any more: from 0.47 on
 # errors of answers through a narrow port are stated too small (benchmarks/degenerate.py). Of scans with tilts of 15
 # degrees and more it is a thousandth, and a fortieth at most.
-MOST_APPARENT = 0.5
+MOST_APPARENT = 0.45
 # So few rows tell nothing of the noise; what is said of them is that none is left to check the answer.
 FEWEST_TOLD = 4
 

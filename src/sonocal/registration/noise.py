@@ -154,15 +154,28 @@ def estimate_noise(
 
 
 def _apparent_of_unweighted(rows: PointLineRows, fit: Fit, row_mm: float) -> float:
-    """Of a fit that knows no levels: such as give residuals of this size (mm per axis), whatever their ratio."""
+    """Of a fit that knows no levels: such as give residuals of this size (mm per axis), whatever their ratio.
+
+    Twice: nothing takes the noise's pull out of such a fit.
+    """
     if not row_mm > 0:
         return 0.0
     levels = row_mm / (sqrt(2.0) * float(fit.transform.scales.mean())), row_mm
     options = replace(fit.options, weighting="likelihood").to_core(*levels)
     covariance = row_mm**2 * fit.covariance
-    return _core.noise_sums(
-        rows.core, fit.inlier, to_core(fit.transform), options, covariance, [], known_px=False, known_mm=False
-    ).apparent
+    return (
+        2
+        * _core.noise_sums(
+            rows.core,
+            fit.inlier,
+            to_core(fit.transform),
+            options,
+            covariance,
+            [],
+            known_px=False,
+            known_mm=False,
+        ).apparent
+    )
 
 
 def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:

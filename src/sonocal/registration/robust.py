@@ -95,6 +95,8 @@ def _fit_coplanar(rows: PointLineRows, options: Options) -> Fit | None:
         return None
     start = Similarity(found.rotation, found.translation, found.scales[0])
     away = np.linalg.norm(away_from_lines(start @ rows.points, rows.segments_mm), axis=1)
+    if not np.any(away <= options.threshold_mm):
+        return None
     fit = refine_point_lines(start, rows, away <= options.threshold_mm, options)
     return replace(
         fit,

@@ -182,10 +182,10 @@ def _refined(rows: RowsInTime, best: _Trial, options: Options, step: float, most
 
 
 def _fitted(start: Fit, table: PointLineRows, options: Options) -> Fit:
-    """The transform refined on the rows that agree with it."""
+    """The transform refined on the rows that agree with it; as it was, where none does."""
     assert options.threshold_mm != "auto"
-    distances = MappedRows(start.transform, table).distances
-    return refine_point_lines(start.transform, table, distances <= options.threshold_mm, options)
+    agreeing = MappedRows(start.transform, table).distances <= options.threshold_mm
+    return refine_point_lines(start.transform, table, agreeing, options) if agreeing.any() else start
 
 
 def _compared(time: Array, found: _Trial, still: _Trial, motion: Motion) -> Lag | None:
