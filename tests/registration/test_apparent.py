@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from benchmarks.simulators.near_degenerate import DEGENERATE, SCALE, corner_errors, scan
 
 import sonocal as sc
-from benchmarks.simulators.near_degenerate import DEGENERATE, SCALE, corner_errors, scan
 
 CODES = {
     "one-plane": "coplanar-lines",
