@@ -12,13 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sonocal as sc
+from sonocal.calibration.held_out import FAR
 from sonocal.cli.main import main
 from sonocal.export.itk import itk_tfm
 from sonocal.export.plus import plus_xml
 from sonocal.findings import Diagnostic
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import Validation, give_verdict, validate
-from sonocal.validation.verdict import HEADLINES, HOPELESS, SPOILING
+from sonocal.validation.verdict import HEADLINES, SPOILING
 from tests.builders.calibrations import parted_rows, slipped_rows, sound_calibration
 
 LEVELS = list(HEADLINES)  # from the best to the worst
@@ -114,8 +115,8 @@ def test_it_stops_just_beyond_what_is_hopeless():
         options = dataclasses.replace(found.options, tolerance_mm=mm)
         return give_verdict(dataclasses.replace(found, options=options))
 
-    assert accepted(1.001 * worst / HOPELESS).level == "use"
-    stopped = accepted(0.999 * worst / HOPELESS)
+    assert accepted(1.001 * worst / FAR).level == "use"
+    stopped = accepted(0.999 * worst / FAR)
     assert (stopped.level, stopped.codes) == ("stop", ("predicted-error-beyond-tolerance",))
     assert stopped.reasons[0].startswith("the predicted error is over 3 times the ")
 

@@ -16,9 +16,13 @@ __all__ = ["area_findings", "expected_errors"]
 BAND = 0.1
 
 
-def expected_errors(calibration: Calibration) -> str:
-    """What error to expect and where, in a sentence or two; the calibration has a covariance."""
-    below = calibration.predicted_errors()[2]
+def expected_errors(calibration: Calibration, below: Array) -> str:
+    """What error to expect and where, in a sentence or two.
+
+    Args:
+        calibration: with a covariance.
+        below: its `predicted_errors` that 95 % stay below, mm.
+    """
     worst, centre = float(below[:-1].max()), float(below[-1])
     up_to = f"Expect errors of the calibration up to {worst:.1f} mm"
     if calibration.area_is_image:

@@ -39,21 +39,10 @@ def groupings_of(table: PointLineRows, rows: Observations) -> Groupings:
 
 
 def _time(table: PointLineRows, rows: Observations) -> Array:
-    stamps = _stamps(rows)
+    stamps = rows.stamps_s()
     if stamps is None:
         # In volumes a split may be a candidate's rank, which says nothing of when.
         order = table.frame if rows.dimension == 2 else group_codes(rows.frame)
         return np.asarray(order, dtype=float)
     gaps = np.diff(np.unique(stamps))
     return np.asarray(stamps / np.median(gaps)) if len(gaps) else np.zeros(len(stamps))
-
-
-def _stamps(rows: Observations) -> Array | None:
-    """The column ``time_s``, if every row has a number there."""
-    if "time_s" not in rows.extra:
-        return None
-    try:
-        stamps = rows.extra["time_s"].astype(float)
-    except ValueError:
-        return None
-    return stamps if np.all(np.isfinite(stamps)) else None

@@ -66,9 +66,9 @@ def held_out_findings(calibration: Calibration, held_out: Observations | None) -
     )
 
 
-def is_far_off(calibration: Calibration, measured_mm: float) -> bool:
-    """Whether a measured error is so far above what is accepted that care does not help."""
-    return measured_mm > FAR * calibration.options.tolerance_mm
+def is_far_off(calibration: Calibration, error_mm: float) -> bool:
+    """Whether an error, measured or predicted, is so far above what is accepted that care does not help."""
+    return not error_mm <= FAR * calibration.options.tolerance_mm
 
 
 def _more_outliers(calibration: Calibration, within: NDArray[np.bool_]) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
+from sonocal.observations.image_size import size_in_words
 from sonocal.registration.noise import residual_vectors
 from sonocal.registration.options import Model, Options
 from sonocal.registration.robust import MINIMAL_ROWS
@@ -99,8 +100,8 @@ def known_image_size(rows: Observations, told_px: tuple[int, ...] | None) -> tup
     stated = rows.image_size_px
     if told_px is not None and stated is not None and told_px != stated:
         raise InputError(
-            f"{rows.source}: says that its images have {' x '.join(map(str, stated))} px and image_size_px says "
-            f"{' x '.join(map(str, told_px))}; leave the option out, or correct the one that is wrong"
+            f"{rows.source}: says that its images have {size_in_words(stated)} px and image_size_px says "
+            f"{size_in_words(told_px)}; leave the option out, or correct the one that is wrong"
         )
     return told_px or stated
 

@@ -107,7 +107,9 @@ def validate(
     content = read_bytes(table)
     known = {
         "scanner_mm_per_px": scanner_mm_per_px,
-        "expected_rotation": expected_rotation(expected or compare),
+        "expected_rotation": expected_rotation(expected)
+        if expected is not None or other is None
+        else other.probe_from_image.rotation,
         "marker_above_image": marker_above_image,
     }
     numbers, rows = _numbers(found, content, table.name, known=known, **options)

@@ -8,7 +8,7 @@ from typing import Any
 
 from sonocal.errors import InputError
 
-__all__ = ["SIZE_COLUMNS", "checked_size", "size_line", "size_of", "without_comments"]
+__all__ = ["SIZE_COLUMNS", "checked_size", "size_in_words", "size_line", "size_of", "without_comments"]
 
 SIZE_COLUMNS = ("image_width_px", "image_height_px", "image_depth_px")
 SIZE_LINE = re.compile(r"#\s*image_size_px\s*[:=]\s*(.*)")
@@ -32,6 +32,11 @@ def checked_size(value: Any, dimension: int, what: str) -> tuple[int, ...]:
             f"{what} must be {dimension} positive whole numbers for a {dimension}D probe; got {str(value)[:60]}"
         )
     return size
+
+
+def size_in_words(size_px: Sequence[int]) -> str:
+    """Such as "820 x 616"."""
+    return " x ".join(map(str, size_px))
 
 
 def size_line(size_px: Sequence[int] | None) -> str:
@@ -73,8 +78,8 @@ def size_of(
         size = checked_size(text.replace(",", " ").split(), dimension, f"{name}, {where}: the image's size")
         if known is not None and size != known[0]:
             raise InputError(
-                f"{name}, {where}: says that images have {' x '.join(map(str, size))} px and {known[1]} "
-                f"{' x '.join(map(str, known[0]))}; a table is of images of one size"
+                f"{name}, {where}: says that images have {size_in_words(size)} px and {known[1]} "
+                f"{size_in_words(known[0])}; a table is of images of one size"
             )
         known = known or (size, where)
     return None if known is None else known[0]

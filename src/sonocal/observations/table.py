@@ -29,6 +29,8 @@ SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
 COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
 """What has one entry a row."""
 
+ALL_ROWS = slice(None)
+
 _DEFAULT: Any = None  # filled in by the constructor
 
 
@@ -162,6 +164,16 @@ class Observations:
             have = ", ".join(repr(str(s)) for s in np.unique(self.split)) or "none"
             raise InputError(f"{self.source}: no row has split {name!r}; the splits in it are {have}")
         return self.select(rows)
+
+    def stamps_s(self, rows: NDArray[np.int64] | slice = ALL_ROWS) -> Array | None:
+        """(M,): when some rows were, by the column ``time_s``; None where it is absent or no number in one of them."""
+        if "time_s" not in self.extra:
+            return None
+        try:
+            stamps = self.extra["time_s"][rows].astype(float)
+        except ValueError:
+            return None
+        return stamps if np.all(np.isfinite(stamps)) else None
 
     def where(self, row: int) -> str:
         """How messages name a row."""

@@ -217,13 +217,8 @@ class RowsInTime:
 
 def time_of(observations: Observations, rows: NDArray[np.int64]) -> tuple[Array, str]:
     """(N,) of the rows, and its unit: the column ``time_s`` where there is one, else the frame's number."""
-    if "time_s" in observations.extra:
-        try:
-            time = observations.extra["time_s"][rows].astype(float)
-        except ValueError:
-            time = np.full(len(rows), np.nan)
-        if np.all(np.isfinite(time)):
-            return time, "s"
+    if (stamps := observations.stamps_s(rows)) is not None:
+        return stamps, "s"
     return observations.frame[rows].astype(float), "frames"
 
 

@@ -13,6 +13,7 @@ from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options as CalibrationOptions
 from sonocal.detection.options import Centre, DetectionOptions, check_detection_options
 from sonocal.errors import InputError
+from sonocal.observations.image_size import size_in_words
 from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.sweep.tabulate import Fixed, Posing, check_posing
@@ -83,8 +84,8 @@ class PointsOptions(CalibrationOptions):
         )
         if own is not None and asked.image_size_px != own:
             raise InputError(
-                f"{recording.name}: has images of {' x '.join(map(str, own))} px and image_size_px says "
-                f"{' x '.join(map(str, asked.image_size_px or ()))}; leave it out, a recording knows its images"
+                f"{recording.name}: has images of {size_in_words(own)} px and image_size_px says "
+                f"{size_in_words(asked.image_size_px or ())}; leave it out, a recording knows its images"
             )
         return asked
 

@@ -110,6 +110,11 @@ class Suspects:
         return tabulated(self.recording, self.lines, best, segments_mm).observations
 
     @cached_property
+    def _segments_mm(self) -> Array:
+        """(N, L, 2, 3): the lines' ends as things stand, in every item."""
+        return self.posing.segments_mm(self.recording, self.lines)
+
+    @cached_property
     def _lag(self) -> Lag | None:
         """Lines from another moment: the poses of all items say where they were, not only those with a detection."""
         if np.isnan(self.recording.times).any():
@@ -119,12 +124,11 @@ class Suspects:
 
     def _lag_of(self, ranks: int) -> Lag | None:
         """From so many candidates an image: the first are the surest, and in speckle too few of them the needle."""
-        segments = self.posing.segments_mm(self.recording, self.lines)
-        table = self._table(segments, ranks)
+        table = self._table(self._segments_mm, ranks)
         names = [line.name for line in self.lines]
         track = np.array([names.index(str(name)) for name in table.target])
         rows = RowsInTime.in_recording(
-            point_line_rows(table), self.recording.times, segments, table.frame, track
+            point_line_rows(table), self.recording.times, self._segments_mm, table.frame, track
         )
         return find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
 
@@ -194,7 +198,7 @@ class Suspects:
 
     def _best(self, trials: dict[str, Callable[[], Array]]) -> str | None:
         """The trial under which most agree, in words with how many, if they are far more than as things stand."""
-        before = self._agreeing(lambda: self.posing.segments_mm(self.recording, self.lines))
+        before = self._agreeing(lambda: self._segments_mm)
         shares = {words: self._agreeing(segments) for words, segments in trials.items()}
         words = max(shares, key=lambda one: shares[one].part, default="")
         if not shares or not shares[words].part > max(GOOD_SHARE, before.part + GAIN):

@@ -7,7 +7,7 @@ from typing import Literal
 
 from sonocal.calibration import Calibration
 from sonocal.calibration.area import expected_errors
-from sonocal.calibration.held_out import FAR
+from sonocal.calibration.held_out import FAR, is_far_off
 from sonocal.findings import Diagnostic
 from sonocal.validation.whole import Validation
 
@@ -35,7 +35,6 @@ BEYOND_PREDICTED = {
     "points-far-off",
     "calibrations-differ",
 }
-HOPELESS = FAR
 # Codes of reasons that are no findings.
 NO_PREDICTION, HOPELESS_ERROR = "no-predicted-error", "predicted-error-beyond-tolerance"
 
@@ -83,17 +82,17 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
         why.insert(0, (NO_PREDICTION, "nothing is left over to tell how far off it is"))
         return _verdict("stop", "No error can be predicted.", why)
     below = calibration.predicted_errors()[2]
-    worst, expectation = float(below[:-1].max()), expected_errors(calibration)
+    expectation = expected_errors(calibration, below)
     if any(code in BEYOND_PREDICTED for code, _ in why):
         expectation += " What was measured says otherwise."
     tolerance = calibration.options.tolerance_mm
-    hopeless = not worst <= HOPELESS * tolerance
+    hopeless = is_far_off(calibration, float(below[:-1].max()))
     if hopeless:
         why.insert(
             0,
             (
                 HOPELESS_ERROR,
-                f"the predicted error is over {HOPELESS:g} times the {tolerance:g} mm accepted",
+                f"the predicted error is over {FAR:g} times the {tolerance:g} mm accepted",
             ),
         )
     spoilt = any(code in SPOILING for code, _ in why)

@@ -14,6 +14,7 @@ from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.detection import Detections
 from sonocal.geometry import Array
 from sonocal.geometry.units import UNITS_CODE
+from sonocal.observations.image_size import size_in_words
 from sonocal.recording import (
     ImageGeometry,
     Summary,
@@ -155,7 +156,7 @@ def _items(summary: Summary) -> str:
 def _image(image: ImageGeometry | None) -> str:
     if image is None:
         return "No images: a tracker alone."
-    size = " x ".join(map(str, image.size_px))
+    size = size_in_words(image.size_px)
     kind = "grey" if image.channels == 1 else f"{image.channels} channels"
     stored = image.orientation or "not stated"
     turned = "" if np.array_equal(image.image_from_file, np.eye(4)) else "; flipped to MF on reading"
