@@ -155,7 +155,7 @@ Drift drift_of(const WhiteResiduals& white, const double* time, const std::int32
   out.memory = std::exp(best[kMemory]);
   out.stretches = 1 + frames.span() / (2 * out.memory);
   out.freedom = freedom_of(frames, search, best, covariance);
-  out.of_offsets = covariance.lazyProduct(of_offsets(frames, search, best).lazyProduct(covariance).eval());
+  out.of_offsets = times(covariance, times(of_offsets(frames, search, best), covariance));
   return out;
 }
 

@@ -16,7 +16,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using FramePull = DriftingFrames::Pull;
-using Square = DriftingFrames::Square;
+using FrameSquare = DriftingFrames::Square;
 constexpr int kColumns = DriftingFrames::kColumns;
 
 // Sums of squares below this part of what they are the difference of are none.
@@ -27,7 +27,7 @@ constexpr double kLostToRounding = 1e-10;
 struct Left {
   double squares, log_determinant = 0;
 };
-Left left_of(Square& a, int k) {
+Left left_of(FrameSquare& a, int k) {
   Left out;
   for (int j = 0; j < k; ++j) {
     out.log_determinant += std::log(std::abs(a(j, j)));
@@ -41,7 +41,7 @@ Left left_of(Square& a, int k) {
 }
 
 // sum += by a'b, in the lower triangle or whole.
-void add_product(Square& sum, double by, const FramePull& a, const FramePull& b) {
+void add_product(FrameSquare& sum, double by, const FramePull& a, const FramePull& b) {
   const double *x = a.data(), *y = b.data();
   double* z = sum.data();
   for (int c = 0; c < kColumns; ++c)
@@ -50,7 +50,7 @@ void add_product(Square& sum, double by, const FramePull& a, const FramePull& b)
           by * (x[3 * r] * y[3 * c] + x[3 * r + 1] * y[3 * c + 1] + x[3 * r + 2] * y[3 * c + 2]);
 }
 
-double dot(const double* a, const double* b, int count) {
+double dot_of(const double* a, const double* b, int count) {
   double sum = 0;
   for (int i = 0; i < count; ++i) sum += a[i] * b[i];
   return sum;
@@ -60,17 +60,17 @@ void add_scaled(double* sum, double by, const double* a, int count) {
   for (int i = 0; i < count; ++i) sum[i] += by * a[i];
 }
 
-Square padded(const TangentMatrix& a) {
-  Square out = Square::Zero();
+FrameSquare padded(const TangentMatrix& a) {
+  FrameSquare out = FrameSquare::Zero();
   for (Eigen::Index c = 0; c < a.cols(); ++c)
     for (Eigen::Index r = 0; r < a.rows(); ++r) out(r, c) = a(r, c);
   return out;
 }
 
 // [J r] of one residual.
-using Row = std::array<double, kColumns>;
-Row row_of(const WhiteResiduals& white, const Eigen::VectorXd& residual, Eigen::Index m) {
-  Row row{};
+using FrameRow = std::array<double, kColumns>;
+FrameRow row_of(const WhiteResiduals& white, const Eigen::VectorXd& residual, Eigen::Index m) {
+  FrameRow row{};
   const auto k = white.jacobian.cols();
   std::copy_n(white.jacobian.data() + m * k, k, row.begin());
   row[static_cast<std::size_t>(k)] = residual[m];
@@ -80,7 +80,7 @@ Row row_of(const WhiteResiduals& white, const Eigen::VectorXd& residual, Eigen::
 }  // namespace
 
 DriftingFrames::DriftingFrames(const WhiteResiduals& white, const double* time, const std::int32_t* targets)
-    : whole_(Square::Zero()), parameters_(static_cast<int>(white.jacobian.cols())) {
+    : whole_(FrameSquare::Zero()), parameters_(static_cast<int>(white.jacobian.cols())) {
   const Eigen::VectorXd residual = without_targets(white, targets);
   std::vector<Eigen::Index> order(white.row.size());
   std::iota(order.begin(), order.end(), 0);
@@ -90,7 +90,7 @@ DriftingFrames::DriftingFrames(const WhiteResiduals& white, const double* time, 
     if (frames_.empty() || frames_.back().time != at(m))
       frames_.push_back({at(m), Matrix3d::Zero(), FramePull::Zero()});
     Frame& frame = frames_.back();
-    const Row row = row_of(white, residual, m);
+    const FrameRow row = row_of(white, residual, m);
     const double* shift = white.shift.data() + 3 * m;
     for (int i = 0; i < 3; ++i) add_scaled(frame.weight.data() + 3 * i, shift[i], shift, 3);
     for (int c = 0; c < kColumns; ++c) {
@@ -102,7 +102,7 @@ DriftingFrames::DriftingFrames(const WhiteResiduals& white, const double* time, 
 }
 
 double DriftingFrames::excess(double memory, const TangentMatrix& covariance) const {
-  const Square c = padded(covariance);
+  const FrameSquare c = padded(covariance);
   const double unit = whole_(parameters_, parameters_) / freedom_;
   FramePull before = FramePull::Zero();
   Matrix3d weight = Matrix3d::Zero();
@@ -112,16 +112,16 @@ double DriftingFrames::excess(double memory, const TangentMatrix& covariance) co
     before = keeps * (before + frames_[t - 1].pull);
     weight = keeps * keeps * (weight + frames_[t - 1].weight);
     const FramePull& now = frames_[t].pull;
-    sum += dot(now.data() + 3 * parameters_, before.data() + 3 * parameters_, 3) / unit;
+    sum += dot_of(now.data() + 3 * parameters_, before.data() + 3 * parameters_, 3) / unit;
     const FramePull taken = product(now, c);
-    sum += dot(taken.data(), before.data(), 3 * kColumns);
-    spread += dot(weight.data(), frames_[t].weight.data(), 9);
+    sum += dot_of(taken.data(), before.data(), 3 * kColumns);
+    spread += dot_of(weight.data(), frames_[t].weight.data(), 9);
   }
   return spread > 0 ? sum / std::sqrt(spread) : 0.0;
 }
 
 DriftingFrames::Misfit DriftingFrames::misfit(double wander, double memory, double own) const {
-  Square left = whole_;
+  FrameSquare left = whole_;
   double determinants = 0;
   Matrix3d inverse;
   FramePull carried;
@@ -165,7 +165,7 @@ DriftingFrames::Misfit DriftingFrames::misfit(double wander, double memory, doub
 }
 
 TangentMatrix DriftingFrames::pulled(double wander, double memory, double own) const {
-  Square sum = Square::Zero(), cross = Square::Zero();
+  FrameSquare sum = FrameSquare::Zero(), cross = FrameSquare::Zero();
   FramePull before = FramePull::Zero();
   for (int t = 0; t < count(); ++t) {
     const FramePull& now = frames_[t].pull;
@@ -213,7 +213,8 @@ Eigen::VectorXd DriftingFrames::without_targets(const WhiteResiduals& white, con
     weight[g] += (1e-9 * weight[g].trace() + 1e-300) * Matrix3d::Identity();
     pull[g] = Ldlt<3>(weight[g]).solve<1>(pull[g]);
   }
-  for (Eigen::Index m = 0; m < residual.size(); ++m) residual[m] -= dot(shift(m), pull[target(m)].data(), 3);
+  for (Eigen::Index m = 0; m < residual.size(); ++m)
+    residual[m] -= dot_of(shift(m), pull[target(m)].data(), 3);
   return residual;
 }
 
