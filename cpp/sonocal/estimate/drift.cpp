@@ -12,8 +12,9 @@ namespace {
 
 // Fewer frames say nothing of how they repeat one another.
 constexpr int kFewestTimes = 12;
-// Standard deviations of chance below which neighbours' products are not looked at any closer.
-constexpr double kScreened = 1.5;
+// Standard deviations of chance below which neighbours' products are not looked at any closer: what they gain
+// then is no reason to believe in a drift.
+constexpr double kScreened = 2.2;
 // Twice the log likelihood that a drift must gain: three parameters gain as much by chance in one of 20
 // scans.
 constexpr double kLeastGain = 3.0;
