@@ -14,9 +14,9 @@ namespace {
 constexpr int kFewestTimes = 12;
 // Standard deviations of chance below which neighbours' products are not looked at any closer.
 constexpr double kScreened = 1.5;
-// Twice the log likelihood that a drift must gain: by chance one sound scan in a hundred does. With one in
+// Twice the log likelihood that a drift must gain: by chance some sound scans of a thousand do. With one in
 // twenty, those few made what is predicted of all sound scans a quarter too large, in the mean square.
-constexpr double kLeastGain = 7.0;
+constexpr double kLeastGain = 10.0;
 // An offset for every frame is told from rows' own noise only where frames have more of them than one.
 constexpr double kPairsEach = 1.5;
 // An offset of a frame's own may take this much of what the weights give a frame.
