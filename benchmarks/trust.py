@@ -81,7 +81,9 @@ def fault_line(row: Row, outcomes: Sequence[Outcome], seeds: range) -> str:
     """A line of the table of faults."""
     kind = KINDS[row[1]]
     wrong = [seed for one, seed in zip(outcomes, seeds, strict=True) if one.confidently_wrong]
-    shown = [seed for seed in wrong if not kind.unknowable and deflection(row[1], float(row[2]), seed) >= SHOWN]
+    shown = [
+        seed for seed in wrong if not kind.unknowable and deflection(row[1], float(row[2]), seed) >= SHOWN
+    ]
     bounds = [one.bound_mm for one in outcomes if np.isfinite(one.bound_mm)]
     cells = (
         row[1] + (" (cannot be known)" if kind.unknowable else ""),

@@ -18,12 +18,16 @@ from sonocal.registration.uncertainty import NORMAL_95, point_covariance, point_
 
 __all__ = ["distortion_findings", "distortions"]
 
-# Of three to five forms that go together one is beyond this in some seven of a thousand sound scans.
-SURE = 0.004
+# Of three to five forms that go together one is beyond this in some six of a thousand sound scans.
+SURE = 0.003
+# An answer that moves by less is no matter in practice, however little is predicted.
+LEAST_MM = 0.1
 # Radius of the face of curved probes: 40 to 60 mm for the abdomen. Others bend the rays alike, by another share.
 FACE_MM = 50.0
 
-DEPTH = "depth, from the image's top, {0:+.1f} % (+-{1:.1f} %) off along v, as where sound is of another speed"
+DEPTH = (
+    "depth, from the image's top, {0:+.1f} % (+-{1:.1f} %) off along v, as where sound is of another speed"
+)
 FORMS = {
     "depth": DEPTH,
     "rays": DEPTH.replace("along v", f"along the rays of a curved probe (of {FACE_MM:.0f} mm radius)"),
@@ -91,7 +95,7 @@ def distortion_findings(
     corners = area_places(area_px)[:-1]
     moved = np.linalg.norm(point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved, axis=1)
     bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
-    if np.any(moved > bounds):
+    if np.any(moved > np.maximum(bounds, LEAST_MM)):
         yield _finding(found, float(moved.max()), float(bounds.max()))
 
 

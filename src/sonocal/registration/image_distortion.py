@@ -67,7 +67,9 @@ def likeliest_distortion(
     from scipy.special import stdtr
 
     rows = _side_by_side(mapped, chosen)
-    white = whitened(mapped, rows, _columns(mapped, rows, forms, parameters), levels).reshape(2 * len(rows), -1)
+    white = whitened(mapped, rows, _columns(mapped, rows, forms, parameters), levels).reshape(
+        2 * len(rows), -1
+    )
     jacobian, columns, residuals = white[:, :parameters], white[:, parameters:-1], white[:, -1]
     freedom = len(residuals) - parameters - 1
     basis = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))[0]

@@ -23,7 +23,9 @@ def across_lines(directions: Array) -> Array:
     return np.stack([first, np.cross(directions, first)], axis=1)
 
 
-def whitened(mapped: MappedRows, rows: NDArray[np.int64], columns: Array, levels: tuple[float, float]) -> Array:
+def whitened(
+    mapped: MappedRows, rows: NDArray[np.int64], columns: Array, levels: tuple[float, float]
+) -> Array:
     """Vectors of each row as seen across its line, in units of the noise; rows far out count less.
 
     A point's noise lies in the image, an end's is alike all round, and rows of one sighting share that of its ends.
@@ -69,7 +71,7 @@ def _deviations(
     px = np.maximum(px, max(least, np.finfo(float).tiny ** 0.25))
     place = mapped.along_mm[rows] / mapped.lengths_mm[rows]
     seen = (across @ axes[:, : table.dimension]) * px[:, None, None]
-    # A point's noise has no part out of a 2D image: without any of the ends' a line in the image would have none across.
+    # A point's noise has no part out of a 2D image: a line in it would have none across, were there none of its ends.
     mm = np.maximum(mm, LEAST_SHARE * px * float(mapped.transform.scales.mean()))
     return seen, np.stack([1.0 - place, place], axis=1) * mm[:, None]
 
