@@ -12,12 +12,11 @@ namespace {
 
 // Fewer frames say nothing of how they repeat one another.
 constexpr int kFewestTimes = 12;
-// Standard deviations of chance below which neighbours' products are not looked at any closer: what they gain
-// then is no reason to believe in a drift.
-constexpr double kScreened = 2.2;
-// Twice the log likelihood that a drift must gain: three parameters gain as much by chance in one of 20
-// scans.
-constexpr double kLeastGain = 3.0;
+// Standard deviations of chance below which neighbours' products are not looked at any closer.
+constexpr double kScreened = 1.5;
+// Twice the log likelihood that a drift must gain: by chance one sound scan in a hundred does. With one in
+// twenty, those few made what is predicted of all sound scans a quarter too large, in the mean square.
+constexpr double kLeastGain = 7.0;
 // An offset for every frame is told from rows' own noise only where frames have more of them than one.
 constexpr double kPairsEach = 1.5;
 // An offset of a frame's own may take this much of what the weights give a frame.

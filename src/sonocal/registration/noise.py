@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import exp, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,6 @@ __all__ = ["Drift", "Noise", "estimate_noise", "residual_vectors", "stretch_leng
 OWN = -1
 # Of a covariance; the core takes no larger one, and no such one means anything.
 MOST = 1e60
-# Twice the logarithm of how much likelier residuals must be for a drift to be as credible as none: most scans have none,
-# and its two numbers fit noise, too. Its covariance counts by how credible it is: taken whole, that of the one scan in
-# twenty that shows a drift by chance was nine times too large.
-EVEN_GAIN = 12.0
 
 
 @dataclass(frozen=True)
@@ -33,7 +29,7 @@ class Drift:
     Attributes:
         memory_frames: frames after which its correlation has fallen to 1 / e.
         stretches: as many independent errors it has shown.
-        gain: twice the logarithm of how much likelier it makes the residuals; by chance 3 in one scan of 20.
+        gain: twice the logarithm of how much likelier it makes the residuals; by chance 7 in one sound scan of 100.
     """
 
     memory_frames: float
@@ -130,19 +126,23 @@ def estimate_noise(
         known_mm=known_mm,
         time=None if time is None else np.ascontiguousarray(time, dtype=float),
     )
-    known = weighted and known_px and known_mm
-    variances = _variances(sums, 1.0 if known else 0.0)
-    covariance = _covariance(variances, sums)
-    drift, names = sums.drift, list(groupings)
-    if drift.gain > 0:
-        variances = _beside_drift(variances, max(drift.unit, 1.0 if known else 0.0), sums, names)
-        likely = 1.0 / (1.0 + exp(0.5 * (EVEN_GAIN - drift.gain)))
-        covariance = (1.0 - likely) * covariance + likely * _drifting_covariance(variances, sums)
+    variances = _with_drift(_variances(sums), sums, list(groupings))
     unit, total = variances.pop(OWN), float(sums.observed[0])
+    if weighted and known_px and known_mm:
+        unit = max(unit, 1.0)
+    covariance = unit * sums.covariance
+    for place, variance in variances.items():
+        covariance = covariance + variance * sums.of_offsets[place]
+    drift = sums.drift
+    if drift.gain > 0:
+        covariance = covariance + drift.unit * drift.of_offsets
+        # Student's t of few freedom has this variance, and nearly the normal's 95 % in units of it.
+        covariance = covariance * drift.freedom / (drift.freedom - 2.0)
     covariance = sums.widening @ covariance @ sums.widening.T + np.outer(sums.moved, sums.moved)
     squares = float(fit.residuals_mm[fit.inlier] @ fit.residuals_mm[fit.inlier]) / freedom
     row_mm = sqrt(squares * unit * freedom / total) if total > 0 else 0.0
     apparent = sums.apparent if weighted else _apparent_of_unweighted(rows, fit, row_mm)
+    names = list(groupings)
     shared_mm = {names[sums.kept[place]]: sqrt(variance) for place, variance in variances.items()}
     wandering = None
     if drift.gain > 0:
@@ -198,35 +198,18 @@ def stretch_length(residuals: Array, frame: NDArray[Any]) -> int:
     )
 
 
-def _covariance(variances: dict[int, float], sums: _core.NoiseSums) -> Array:
-    """Of the tangent, from the rows' own noise and the offsets that groups share."""
-    shared = (one * sums.of_offsets[place] for place, one in variances.items() if place != OWN)
-    return np.asarray(sum(shared, variances[OWN] * sums.covariance))
-
-
-def _beside_drift(
-    variances: dict[int, float], own: float, sums: _core.NoiseSums, names: list[str]
-) -> dict[int, float]:
-    """The variances where neighbours share an error: it says what is left to single rows, and what frames have."""
+def _with_drift(variances: dict[int, float], sums: _core.NoiseSums, names: list[str]) -> dict[int, float]:
+    """The variances where a drift was found: it says what is left to single rows, and what it has of single frames."""
+    if not sums.drift.gain > 0:
+        return variances
     others = {
         place: one for place, one in variances.items() if place == OWN or names[sums.kept[place]] != "frame"
     }
-    return others | {OWN: own}
+    return others | {OWN: sums.drift.unit}
 
 
-def _drifting_covariance(variances: dict[int, float], sums: _core.NoiseSums) -> Array:
-    """Likewise, with the error that wanders."""
-    drift = sums.drift
-    covariance = _covariance(variances, sums) + drift.unit * drift.of_offsets
-    # Student's t of few freedom has this variance, and nearly the normal's 95 % in units of it.
-    return covariance * drift.freedom / (drift.freedom - 2.0)
-
-
-def _variances(sums: _core.NoiseSums, least: float) -> dict[int, float]:
-    """The rows' own variance (OWN) and groups' that match the observed sums of squares; negative ones count as none.
-
-    least: of the rows' own.
-    """
+def _variances(sums: _core.NoiseSums) -> dict[int, float]:
+    """The rows' own variance (OWN) and groups' that match the observed sums of squares; negative ones count as none."""
     chosen = list(range(len(sums.kept)))
     while chosen:
         places = [0, *(place + 1 for place in chosen)]
@@ -236,6 +219,6 @@ def _variances(sums: _core.NoiseSums, least: float) -> dict[int, float]:
         solved = np.linalg.lstsq(expected / size, sums.observed[places], rcond=1e-9)[0] / size
         if np.all(solved[1:] >= 0):
             shared = dict(zip(chosen, map(float, solved[1:]), strict=True))
-            return {OWN: max(float(solved[0]), least)} | shared
+            return {OWN: max(float(solved[0]), 0.0)} | shared
         chosen.pop(int(np.argmin(solved[1:] * size[1:])))
-    return {OWN: max(float(sums.observed[0] / sums.expected.flat[0]), least)}
+    return {OWN: float(sums.observed[0] / sums.expected.flat[0])}
