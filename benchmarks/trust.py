@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.simulators.trust_faults import KINDS
 from benchmarks.simulators.trust_judge import HONEST, Outcome, judged
+from benchmarks.simulators.trust_power import SHOWN, deflection
 from benchmarks.simulators.trust_sound import COVERAGE, SOUND
 
 Row = tuple[str, str, str]
@@ -27,8 +28,8 @@ LAG_MS, FAR_MM = 5.0, 10.0
 SIGHTINGS = (10, 20, 50, 100, 400)
 
 HEADS = {
-    "faults": "| kind | strength | refused | do not use | care | silent | confidently wrong | error median / max, mm "
-    "| bound median, mm | codes |",
+    "faults": "| kind | strength | refused | do not use | care | silent | confidently wrong | of these, shown "
+    "| error median / max, mm | bound median, mm | codes |",
     "sound": "| scans | N | scans tried | refused | bound above 2 mm, only | accused | corners within the bound "
     "| error median / max, mm "
     "| codes |",
@@ -76,15 +77,20 @@ def middle_and_most(values: Sequence[float]) -> str:
     return f"{np.median(known):.2f} / {np.max(known):.2f}" if known else ""
 
 
-def fault_line(row: Row, outcomes: Sequence[Outcome]) -> str:
+def fault_line(row: Row, outcomes: Sequence[Outcome], seeds: range) -> str:
     """A line of the table of faults."""
     kind = KINDS[row[1]]
+    wrong = [seed for one, seed in zip(outcomes, seeds, strict=True) if one.confidently_wrong]
+    shown = [
+        seed for seed in wrong if not kind.unknowable and deflection(row[1], float(row[2]), seed) >= SHOWN
+    ]
     bounds = [one.bound_mm for one in outcomes if np.isfinite(one.bound_mm)]
     cells = (
         row[1] + (" (cannot be known)" if kind.unknowable else ""),
         f"{float(row[2]):g} {kind.unit}",
         *(counted(outcomes, level) for level in ("refused", "stop", "care", "use")),
-        f"{sum(one.confidently_wrong for one in outcomes)} of {len(outcomes)}",
+        f"{len(wrong)} of {len(outcomes)}",
+        len(shown),
         middle_and_most([one.error_mm for one in outcomes]),
         f"{np.median(bounds):.2f}" if bounds else "",
         codes_of(outcomes),
@@ -151,7 +157,7 @@ def line_of(row: Row, outcomes: Sequence[Outcome], seeds: range) -> str:
     """A row's line in its table."""
     if row[0] == "coverage":
         return coverage_line(row, outcomes, seeds)
-    return fault_line(row, outcomes) if row[0] == "faults" else sound_line(row, outcomes)
+    return fault_line(row, outcomes, seeds) if row[0] == "faults" else sound_line(row, outcomes)
 
 
 def measured(rows: Sequence[Row], seeds: range, jobs: int) -> Iterator[tuple[Row, list[Outcome]]]:

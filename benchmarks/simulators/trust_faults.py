@@ -53,12 +53,14 @@ class Kind:
         strengths: three.
         unit: what a strength is, for the table.
         unknowable: why the data cannot show it, or "".
+        nothing: the strength that leaves the scan sound, where there is one and its noise is the same.
     """
 
     make: Callable[[int, float], Case]
     strengths: tuple[float, float, float]
     unit: str
     unknowable: str = ""
+    nothing: float | None = None
 
 
 def rng_of(seed: int) -> np.random.Generator:
@@ -561,41 +563,41 @@ KINDS: dict[str, Kind] = {
     "small area": Kind(small_area, (10.0, 20.0, 40.0), "px wide"),
     "small area, no image size": Kind(small_area_of_unknown_image, (10.0, 20.0, 40.0), "px wide"),
     "autocorrelated tracking": Kind(autocorrelated, (0.5, 2.0, 5.0), "s"),
-    "marker creeps": Kind(drift, (1.0, 2.0, 4.0), "mm"),
-    "marker wanders": Kind(wandering, (1.0, 2.0, 4.0), "mm"),
-    "EM distortion": Kind(distortion, (0.7, 1.5, 3.0), "mm rms"),
-    "needle sags": Kind(sag, (1.0, 2.0, 4.0), "mm"),
-    "offset in the tracker's frame": Kind(offset_in_tracker, (1.0, 2.0, 4.0), "mm"),
+    "marker creeps": Kind(drift, (1.0, 2.0, 4.0), "mm", nothing=0.0),
+    "marker wanders": Kind(wandering, (1.0, 2.0, 4.0), "mm", nothing=0.0),
+    "EM distortion": Kind(distortion, (0.7, 1.5, 3.0), "mm rms", nothing=0.0),
+    "needle sags": Kind(sag, (1.0, 2.0, 4.0), "mm", nothing=0.0),
+    "offset in the tracker's frame": Kind(offset_in_tracker, (1.0, 2.0, 4.0), "mm", nothing=0.0),
     "offset in the probe's frame": Kind(
-        offset_in_probe, (1.0, 2.0, 4.0), "mm", "a shift of all needles is a shift of the probe's marker"
+        offset_in_probe, (1.0, 2.0, 4.0), "mm", "a shift of all needles is a shift of the probe's marker", 0.0
     ),
     "rows repeated": Kind(repeated, (2.0, 5.0, 10.0), "times"),
     "still frames repeated": Kind(nearly_repeated, (2.0, 5.0, 10.0), "times"),
     "few wires, 0.5 mm off": Kind(few_wires, (1.0, 2.0, 3.0), "wires"),
-    "late, slow hand, table": Kind(lambda s, x: late(s, x, SLOW, recording=False), LAGS, "s"),
-    "late, fast hand, table": Kind(lambda s, x: late(s, x, FAST, recording=False), LAGS, "s"),
-    "late, slow hand, recording": Kind(lambda s, x: late(s, x, SLOW, recording=True), LAGS, "s"),
-    "late, fast hand, recording": Kind(lambda s, x: late(s, x, FAST, recording=True), LAGS, "s"),
+    "late, slow hand, table": Kind(lambda s, x: late(s, x, SLOW, recording=False), LAGS, "s", nothing=0.0),
+    "late, fast hand, table": Kind(lambda s, x: late(s, x, FAST, recording=False), LAGS, "s", nothing=0.0),
+    "late, slow hand, recording": Kind(lambda s, x: late(s, x, SLOW, recording=True), LAGS, "s", nothing=0.0),
+    "late, fast hand, recording": Kind(lambda s, x: late(s, x, FAST, recording=True), LAGS, "s", nothing=0.0),
     "poses inverted": Kind(inverted, N[1], N[0]),
     "poses transposed": Kind(transposed, N[1], N[0]),
     "other quaternion order": Kind(other_quaternion_order, N[1], N[0]),
     "axes of places exchanged": Kind(axes_swapped, N[1], N[0]),
-    "marker slips": Kind(slip, (0.7, 2.0, 5.0), "mm, half deg"),
+    "marker slips": Kind(slip, (0.7, 2.0, 5.0), "mm, half deg", nothing=0.0),
     "marker turns half-way": Kind(turned_marker, (1.0, 10.0, 90.0), "deg"),
     "segments in the tracker's frame": Kind(tracker_frame, N[1], N[0]),
     "wrong end of the needle": Kind(wrong_end, N[1], N[0]),
     "needle's axis tilted, rolling": Kind(tilted_axis, (0.5, 1.0, 2.0), "deg"),
-    "needle's axis tilted, one side up": Kind(tilted_axis_held, (0.3, 1.0, 2.0), "deg"),
+    "needle's axis tilted, one side up": Kind(tilted_axis_held, (0.3, 1.0, 2.0), "deg", nothing=0.0),
     "bent shaft, rolling": Kind(bent, (1.0, 2.0, 4.0), "mm"),
     "a second needle under its name": Kind(other_needle, (0.2, 0.3, 0.45), "share"),
     "two wires exchanged": Kind(swapped_wires, (3.0, 4.0, 6.0), "wires"),
     "reverberation brighter": Kind(twin, (3.0, 6.0, 11.0), "mm deeper"),
-    "unequal voxels": Kind(unequal_voxels, (1.0, 3.0, 10.0), "%"),
-    "unequal pixels": Kind(unequal_pixels, (1.0, 3.0, 6.0), "%"),
-    "speed of sound, linear": Kind(speed_of_sound, (1.0, 3.0, 6.0), "%"),
-    "speed of sound, curved": Kind(bent_sound, (1.0, 3.0, 6.0), "%"),
-    "speed of sound, volume": Kind(lambda s, x: speed_of_sound(s, x, 3), (1.0, 3.0, 6.0), "%"),
-    "error growing with depth": Kind(refracted, (0.5, 1.0, 2.0), "% at the bottom"),
+    "unequal voxels": Kind(unequal_voxels, (1.0, 3.0, 10.0), "%", nothing=0.0),
+    "unequal pixels": Kind(unequal_pixels, (1.0, 3.0, 6.0), "%", nothing=0.0),
+    "speed of sound, linear": Kind(speed_of_sound, (1.0, 3.0, 6.0), "%", nothing=0.0),
+    "speed of sound, curved": Kind(bent_sound, (1.0, 3.0, 6.0), "%", nothing=0.0),
+    "speed of sound, volume": Kind(lambda s, x: speed_of_sound(s, x, 3), (1.0, 3.0, 6.0), "%", nothing=0.0),
+    "error growing with depth": Kind(refracted, (0.5, 1.0, 2.0), "% at the bottom", nothing=0.0),
     "volume mirrored": Kind(mirrored_volume, (0.0, 1.0, 2.0), "axis"),
     "image mirrored or turned": Kind(
         mirrored,

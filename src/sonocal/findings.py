@@ -30,6 +30,7 @@ CODES = {
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along the image's axes",
+    "image-distortion": "residuals are not alike all over the image",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
     "offset-in-tracker": "the needle is off by one offset in the tracker's frame",

@@ -9,6 +9,7 @@ from benchmarks import trust
 from benchmarks.simulators import trust_faults, trust_scans
 from benchmarks.simulators.trust_faults import KINDS
 from benchmarks.simulators.trust_judge import Outcome, judged, recording, table
+from benchmarks.simulators.trust_power import SHOWN, best_power, deflection
 from benchmarks.simulators.trust_sound import COVERAGE, SOUND
 
 SCANS = {
@@ -128,3 +129,21 @@ def test_the_page_has_a_place_for_every_table_and_names_what_cannot_be_known():
 def test_every_row_is_of_a_known_table():
     rows = list(trust.all_rows())
     assert len(rows) == 3 * len(KINDS) + len(SOUND) * len(trust.SIGHTINGS) + len(COVERAGE)
+
+
+@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if kind.nothing is not None])
+def test_a_fault_deflects_the_best_test_by_its_strength_and_none_does_not(name):
+    kind, strength = KINDS[name], KINDS[name].strengths[0]
+    assert deflection(name, kind.nothing, 3) < 1e-9
+    weak, weaker = (deflection(name, x * strength, 3) for x in (0.02, 0.01))
+    assert weak == pytest.approx(2 * weaker, rel=0.2)
+
+
+def test_what_the_calibration_takes_up_deflects_no_test():
+    assert deflection("offset in the probe's frame", 4.0, 3) < 0.1
+    assert deflection("offset in the tracker's frame", 4.0, 3) > SHOWN
+
+
+def test_the_best_test_has_its_false_alarms_and_finds_what_is_shown():
+    assert best_power(0.0) == pytest.approx(0.01)
+    assert best_power(SHOWN) == pytest.approx(0.999, abs=5e-4)

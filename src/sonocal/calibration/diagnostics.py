@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonocal.calibration.anisotropy import anisotropy_findings
+from sonocal.calibration.distortion import distortion_findings
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -245,7 +246,8 @@ def fit_findings(
     if mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
     yield from diagnose_noise(noise)
-    yield from anisotropy_findings(mapped.table, fit, groupings)
+    stretched = [*anisotropy_findings(mapped.table, fit, groupings)]
+    yield from stretched or distortion_findings(mapped, fit, noise, groupings, accepted[0])
 
 
 def predicts(noise: Noise) -> bool:

@@ -30,6 +30,8 @@ LEAST_SCALE, MOST_SCALE = 0.01, 1.5
 MOST_VOLUME_SCALE = 4.0
 # Of the scale's logarithm: it counts as out of bounds when its uncertainty does not bring it back.
 SURE = 2.0
+# Of a logarithm: what is as unsure as this is in no bounds, and twice as much is no number any more.
+MOST_SLACK = 300.0
 # Scanners mostly show between these: a unit that brings a scale here is named.
 USUAL_SCALE = (0.03, 0.8)
 # Two points that span a line may be a unit apart, and may span a room.
@@ -113,7 +115,7 @@ def scale_hints(scales: Array, deviation: float = 0.0, dimension: int = 2) -> li
         deviation: standard deviation of their logarithm.
         dimension: of the image: 2, or 3 for a volume.
     """
-    slack = np.exp(SURE * deviation) if np.isfinite(deviation) else 1.0
+    slack = np.exp(min(SURE * deviation, MOST_SLACK)) if np.isfinite(deviation) else 1.0
     least, most = float(np.min(scales)), float(np.max(scales))
     if least * slack < LEAST_SCALE:
         said = f"the scale came out as {least:.2g} mm/px, and no scanner shows less than {LEAST_SCALE:g}"

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from sonocal.geometry import Array
 from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.whitened import HUBER, across_lines
 
 __all__ = ["AxisScales", "axis_scales"]
 
 PARAMETERS = 9  # a turn, a shift, three scales
 STEPS = 4  # of Gauss-Newton, from an answer that is near: an error of 10 % is a thousandth after two
-HUBER = 4.0  # standard deviations, as in the refinement of one scale
 LONGEST = 0.5  # of a step in a scale's logarithm: twice is no stretch but another answer
 LEAST_SHARE = 1e-3
 # Groups of rows of which fewer say nothing of how far they err together.
@@ -89,7 +89,7 @@ def _whitened(
     turned = (points * scales) @ rotation.T
     along = segments[:, 1] - segments[:, 0]
     lengths = np.linalg.norm(along, axis=1)
-    across = _across(along / lengths[:, None])
+    across = across_lines(along / lengths[:, None])
     columns = np.concatenate(
         [
             _cross(turned),
@@ -125,14 +125,6 @@ def _levels(table: PointLineRows, fit: Fit, order: NDArray[np.int64], scale: flo
     mm = fit.sigma_mm * (ones if table.sigma_mm is None else table.sigma_mm[order])
     # Points without any noise leave nothing to divide by.
     return np.maximum(px, LEAST_SHARE * max(float(mm.mean()), np.finfo(float).tiny)), mm
-
-
-def _across(directions: Array) -> Array:
-    """(N, 2, 3): two axes across each line."""
-    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
-    first = np.cross(directions, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(directions, first)], axis=1)
 
 
 def _cross(vectors: Array) -> Array:

@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 from sonocal.registration.mapped import MappedRows
+from sonocal.registration.noise import stretch_length
 from sonocal.registration.uncertainty import point_jacobian
 
 __all__ = ["FixedOffset", "fixed_offset"]
 
 # Stretches of frames that are left out in turn: enough for a covariance of three numbers, few enough to be long.
 STRETCHES, FEWEST_FRAMES = 20, 60
+# Where what is left wanders they are longer, so that they are independent of each other; of fewer than so many the
+# covariance would be a guess, and whatever wanders would pass for an offset.
+FEWEST_STRETCHES = 8
 # Of the directions that the offset's frame was turned through, relative to the greatest: less is not seen.
 LEAST_SEEN = 1e-6
 
@@ -57,33 +61,50 @@ def fixed_offset(
     """
     frame = mapped.table.frame
     assert frame is not None
-    order = np.unique(frame[chosen], return_inverse=True)[1].reshape(-1)
+    order = np.unique(frame[chosen], return_inverse=True)[1].reshape(-1).astype(np.int32)
     if order.max(initial=0) + 1 < FEWEST_FRAMES:
         return None
-    stretch = order * STRETCHES // (order.max() + 1)
     columns = _columns(mapped, chosen, rotations, parameters)
     # residual = line to point: an offset of the line takes away from it.
     residuals = -mapped.residuals[chosen]
-    information = np.stack([_squares(columns[stretch == s]) for s in range(STRETCHES)])
-    pulls = np.stack(
-        [np.einsum("nij,ni->j", columns[stretch == s], residuals[stretch == s]) for s in range(STRETCHES)]
-    )
-    whole, pull = information.sum(axis=0), pulls.sum(axis=0)
+    whole, pull = _squares(columns), np.einsum("nij,ni->j", columns, residuals)
     size = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
     if np.linalg.eigvalsh(whole / size[:, None] / size)[0] < LEAST_SEEN:
         return None
     found = np.linalg.solve(whole, pull)
     without = np.linalg.solve(whole[:parameters, :parameters], pull[:parameters])
-    left_out = np.linalg.solve(whole - information, (pull - pulls)[..., None])[:, parameters:, 0]
-    away = left_out - left_out.mean(axis=0)
-    covariance = (STRETCHES - 1) / STRETCHES * away.T @ away
+    stretches = _independent(residuals - columns @ found, order)
+    if stretches < FEWEST_STRETCHES:
+        return None
+    try:
+        covariance = _left_out(columns, residuals, order * stretches // (order.max() + 1), parameters)
+    except np.linalg.LinAlgError:  # the frame turned in one stretch alone
+        return None
     offset = found[parameters:]
     return FixedOffset(
         offset_mm=offset,
         deviation_mm=float(np.sqrt(np.trace(covariance))),
-        p_value=_p_value(offset, covariance),
+        p_value=_p_value(offset, covariance, stretches),
         moved=found[:parameters] - without,
     )
+
+
+def _independent(left: Array, order: NDArray[np.int32]) -> int:
+    """Into how many stretches to cut, so that each is twice as long as what is left (M, 3) repeats itself."""
+    by_time = np.argsort(order, kind="stable")
+    return int(min(STRETCHES, (order.max() + 1) // (2 * stretch_length(left[by_time], order[by_time]))))
+
+
+def _left_out(columns: Array, residuals: Array, stretch: NDArray[np.int32], parameters: int) -> Array:
+    """(3, 3): the offset's covariance, of leaving out every stretch in turn."""
+    count = int(stretch.max()) + 1
+    within = [stretch == s for s in range(count)]
+    information = np.stack([_squares(columns[s]) for s in within])
+    pulls = np.stack([np.einsum("nij,ni->j", columns[s], residuals[s]) for s in within])
+    others = information.sum(axis=0) - information, pulls.sum(axis=0) - pulls
+    offsets = np.linalg.solve(others[0], others[1][..., None])[:, parameters:, 0]
+    away = offsets - offsets.mean(axis=0)
+    return np.asarray((count - 1) / count * away.T @ away)
 
 
 def _columns(mapped: MappedRows, chosen: NDArray[np.bool_], rotations: Array, parameters: int) -> Array:
@@ -101,10 +122,10 @@ def _squares(columns: Array) -> Array:
     return np.asarray(np.einsum("nij,nik->jk", columns, columns))
 
 
-def _p_value(offset: Array, covariance: Array) -> float:
+def _p_value(offset: Array, covariance: Array, stretches: int) -> float:
     """Hotelling's test of an offset whose covariance rests on so many stretches."""
     from scipy.special import fdtrc
 
     squared = float(offset @ np.linalg.solve(covariance, offset))
-    freedom = STRETCHES - len(offset)
-    return float(fdtrc(len(offset), freedom, squared * freedom / (len(offset) * (STRETCHES - 1))))
+    freedom = stretches - len(offset)
+    return float(fdtrc(len(offset), freedom, squared * freedom / (len(offset) * (stretches - 1))))

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonocal.findings import Diagnostic
+from sonocal.geometry import Array
+from sonocal.geometry.axis_units import axis_doubt
 from sonocal.geometry.units import length_hints, scale_hints, small_scan_hints, unit_doubt
 from sonocal.setup_checks.evidence import Evidence
 
@@ -25,7 +27,14 @@ def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
             needle_mm=float(np.median(evidence.mapped.lengths_mm)),
             marker_mm=float(np.linalg.norm(transform @ middle)),
         )
-    yield from unit_doubt(hints)
+    yield from unit_doubt(hints) if hints else axis_doubt(_of_one_target(evidence))
+
+
+def _of_one_target(evidence: Evidence) -> Array:
+    """(M, 2, 3): the segments of the target that has most rows."""
+    target = evidence.table.target
+    assert target is not None
+    return np.asarray(evidence.table.segments_mm[target == np.argmax(np.bincount(target))])
 
 
 def _deviation(evidence: Evidence) -> float:

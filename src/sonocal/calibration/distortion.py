@@ -1,0 +1,116 @@
+"""Places in the image that are off by what is smooth over it: sound of another speed, errors that grow with depth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sonocal.calibration.groupings import Groupings
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array, area_places
+from sonocal.registration.fit import Fit
+from sonocal.registration.image_distortion import Distortion, likeliest_distortion
+from sonocal.registration.mapped import MappedRows
+from sonocal.registration.noise import Noise
+from sonocal.registration.robust import MINIMAL_ROWS
+from sonocal.registration.uncertainty import NORMAL_95, point_covariance, point_jacobian, radius_95
+
+__all__ = ["distortion_findings", "distortions"]
+
+# Of three to five forms that go together one is beyond this in some six of a thousand sound scans.
+SURE = 0.003
+# An answer that moves by less is no matter in practice, however little is predicted.
+LEAST_MM = 0.1
+# Radius of the face of curved probes: 40 to 60 mm for the abdomen. Others bend the rays alike, by another share.
+FACE_MM = 50.0
+
+DEPTH = (
+    "depth, from the image's top, {0:+.1f} % (+-{1:.1f} %) off along v, as where sound is of another speed"
+)
+FORMS = {
+    "depth": DEPTH,
+    "rays": DEPTH.replace("along v", f"along the rays of a curved probe (of {FACE_MM:.0f} mm radius)"),
+    "squared": "an error that grows with the square of the depth, {0:+.1f} % (+-{1:.1f} %) of the image at its bottom",
+    "width": "u {0:+.1f} % (+-{1:.1f} %) off",
+    "slices": "w {0:+.1f} % (+-{1:.1f} %) off, as where slices are not as far apart as the file says",
+}
+
+
+def distortions(points: Array, area_px: Array, mm_per_px: float) -> dict[str, Array]:
+    """What an image's errors may look like, each as large as its whole measure.
+
+    Args:
+        points: (N, 3), px.
+        area_px: (2, d): the image; v runs down from the skin at its least v.
+        mm_per_px: of the fit.
+
+    Returns:
+        By name: (N, 3), px, from where a point is to where it is seen.
+    """
+    low, high = area_px
+    depth = np.maximum(points[:, 1] - low[1], 0.0)
+    u, v, w = np.eye(3)
+    face = FACE_MM / mm_per_px
+    apex = np.array([(low[0] + high[0]) / 2, low[1] - face, 0.0])
+    ray = (points - apex) * [1.0, 1.0, 0.0]
+    length = np.linalg.norm(ray, axis=1)
+    beyond = np.maximum(length - face, 0.0) / np.maximum(length, np.finfo(float).tiny)
+    found = {
+        "depth": depth[:, None] * v,
+        "rays": beyond[:, None] * ray,
+        "squared": (depth**2 / max(float(high[1] - low[1]), 1.0))[:, None] * v,
+    }
+    if len(low) == 3:
+        middle = area_px.mean(axis=0)
+        found["width"] = (points[:, 0] - middle[0])[:, None] * u
+        found["slices"] = (points[:, 2] - middle[2])[:, None] * w
+    return found
+
+
+def distortion_findings(
+    mapped: MappedRows, fit: Fit, noise: Noise, groupings: Groupings, area_px: Array
+) -> Iterator[Diagnostic]:
+    """The likeliest distortion, where it is no chance and moves the answer by more than is predicted.
+
+    Args:
+        mapped: the fitted rows under the transform, outliers included.
+        fit: the transform.
+        noise: of the rows.
+        groupings: what rows may share an error by.
+        area_px: (2, d): the image.
+    """
+    if fit.inlier.sum() <= MINIMAL_ROWS or not np.all(np.isfinite(noise.covariance)):
+        return
+    found = likeliest_distortion(
+        mapped,
+        fit.inlier,
+        distortions(mapped.table.points, area_px, float(fit.transform.scales.mean())),
+        levels=(noise.sigma_px or 0.0, noise.sigma_mm or 0.0),
+        parameters=len(fit.covariance),
+        groups=list(groupings.labels.values()),
+    )
+    if found is None or found.p_value > SURE:
+        return
+    corners = area_places(area_px)[:-1]
+    moved = np.linalg.norm(point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved, axis=1)
+    bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
+    if np.any(moved > np.maximum(bounds, LEAST_MM)):
+        yield _finding(found, float(moved.max()), float(bounds.max()))
+
+
+def _finding(found: Distortion, moved_mm: float, bound_mm: float) -> Diagnostic:
+    share = FORMS[found.form].format(100 * found.size, 100 * NORMAL_95 * found.deviation)
+    return Diagnostic(
+        code="image-distortion",
+        severity="warning",
+        message=(
+            f"residuals are not alike all over the image; of what may be, {share} explains them best (by chance once "
+            f"in {1 / max(found.p_value, 1e-6):.0f} scans) and would move the answer by up to {moved_mm:.1f} mm at an "
+            f"image corner, where an error of {bound_mm:.1f} mm (95 %) is predicted"
+        ),
+        advice=(
+            "compare mm/px with the scanner's (--scanner-mm-per-px); check the temperature of the bath, its speed of "
+            "sound, the probe's geometry in the scanner's settings, and calibrate again"
+        ),
+    )
