@@ -63,7 +63,7 @@ CODES = {
     "invalid-poses": "poses marked invalid",
     "non-rigid-poses": "poses with scale or shear",
     "static-tool": "a tool does not move",
-    "frozen-poses": "a pose repeats to the last digit",
+    "frozen-poses": "a pose repeats to the last digit, for a while",
     "invalid-images": "images marked invalid",
     "frozen-images": "the image stood still for a while",
     "duplicated-images": "images repeat the one before them",
@@ -71,6 +71,7 @@ CODES = {
     "orientation-changed": "images were turned to u right, v down",
     "motive-axes": "Motive's world has Y up",
     # tools
+    "repeated-poses": "poses repeat others to the last digit",
     "little-tilt": "the tool was hardly tilted",
     "large-residual": "the tip moves about the pivot",
     "slipped-tip": "the tip left its divot",
