@@ -33,6 +33,7 @@ CODES = {
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
     "offset-in-tracker": "the needle is off by one offset in the tracker's frame",
+    "error-follows-pose": "images near in pose share an error",
     "shared-target-error": "rows of a needle or wire share an error",
     "shared-frame-error": "rows of a frame share an error",
     "no-redundancy": "no row is left to check the answer",
