@@ -205,7 +205,7 @@ def digitise_point(
     matrices = usable.matrices[used]
     if len(matrices) < LEAST_SAMPLES:
         raise InputError(
-            f"{usable.plus_name}: has {counted(used, usable.valid)} of the touch; {LEAST_SAMPLES} are needed"
+            f"{usable.plus_name}: the touch has {counted(used, usable.valid)}; {LEAST_SAMPLES} are needed"
         )
     points = matrices[:, :3, :3] @ np.asarray(tip_mm, dtype=float) + matrices[:, :3, 3]
     middle = np.median(points, axis=0)

@@ -88,7 +88,7 @@ def _repeats(used: NDArray[np.bool_], usable: NDArray[np.bool_], source: str) ->
 
 def counted(used: NDArray[np.bool_], usable: NDArray[np.bool_]) -> str:
     """How many poses there are, and how many of them count."""
-    repeats = "" if used.sum() == usable.sum() else f", {used.sum()} of them distinct"
+    repeats = "" if used.sum() == usable.sum() else f", {used.sum()} of them distinct (the tracker stalled)"
     return f"{usable.sum()} valid poses{repeats}"
 
 
