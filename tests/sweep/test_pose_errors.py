@@ -1,13 +1,20 @@
 """What only a recording's poses show: the bound counts it, it is told, and sound recordings have none of it."""
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
-from benchmarks.simulators.trust_faults import distortion, sag
+from benchmarks.simulators.trust_faults import distortion, offset_in_tracker, rng_of, sag, unit_vector
 from benchmarks.simulators.trust_judge import NEEDLE, calibrated, candidates, recording, table
+from benchmarks.simulators.trust_scans import rigid
 from benchmarks.simulators.trust_sound import plain
 
 import sonocal as sc
 from sonocal.sweep import calibrate_points
+from sonocal.sweep.pose_errors import with_pose_errors
+from sonocal.sweep.tabulate import Posing
+from sonocal.sweep.tracker_offset import with_tracker_offset
 
 POSED = {"error-follows-pose", "offset-in-tracker"}
 
@@ -54,3 +61,41 @@ def test_sound_recordings_are_not_accused():
         for seed in range(30)
     ]
     assert told.count(set()) >= 29
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_offset_widens_the_covariance_by_how_far_it_moves_the_answer(seed):
+    case = offset_in_tracker(seed, 2.0)
+    rows = table(case.scan)
+    found = sc.calibrate(rows, image_size_px=(500, 500))
+    wider = with_tracker_offset(found, rows, recording(case.scan), Posing())
+    more = wider.covariance - found.covariance
+    assert np.linalg.matrix_rank(more / np.sqrt(np.outer(np.diag(more), np.diag(more))), tol=1e-6) == 1
+    (told,) = [one for one in wider.diagnostics if one.code == "offset-in-tracker"]
+    place = np.array(
+        [float(x) for x in re.search(r"\((.*)\) mm", told.message.split("frame, ")[1])[1].split(",")]
+    )
+    np.testing.assert_allclose(place, 2.0 * unit_vector(rng_of(seed)), atol=0.8)
+    np.testing.assert_array_equal(wider.noise.covariance, wider.covariance)
+
+
+def test_where_the_tracker_stands_changes_no_bound():
+    case = offset_in_tracker(1, 2.0)
+    rows = table(case.scan)
+    found = sc.calibrate(rows, image_size_px=(500, 500))
+    here = recording(case.scan)
+    move = rigid(np.array([[0.3, -1.0, 0.7]]), np.array([[500.0, -20.0, 90.0]]))[0]
+    poses = {name: dataclasses.replace(one, matrices=move @ one.matrices) for name, one in here.poses.items()}
+    there = dataclasses.replace(here, poses=poses)
+    one, other = (with_pose_errors(found, rows, made, Posing()) for made in (here, there))
+    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-5, atol=1e-12)
+    assert [x.code for x in other.diagnostics] == [x.code for x in one.diagnostics]
+
+
+def test_a_recording_without_the_probes_poses_says_nothing():
+    case = offset_in_tracker(1, 2.0)
+    rows = table(case.scan)
+    found = sc.calibrate(rows)
+    whole = recording(case.scan)
+    alone = dataclasses.replace(whole, poses={"n": whole.poses["tracker_from_needle"]})
+    assert with_pose_errors(found, rows, alone, Posing()) is found
