@@ -22,8 +22,8 @@ from sonocal.sweep.tracker_offset import probe_from_tracker, with_tracker_offset
 __all__ = ["with_pose_errors"]
 
 # Twice the logarithm of how much likelier a smooth error must make the residuals to be counted (of sound recordings 3
-# in a hundred reach it, and widen by a few per cent), and to be told (1 in 1350).
-LEAST_GAIN, SURE_GAIN = 5.0, 10.0
+# in a hundred reach it, and widen by a few per cent), and to be told (1 in 2350).
+LEAST_GAIN, SURE_GAIN = 5.0, 12.0
 # Errors of rows below this are none, and a drift is never infinitely many times as large.
 TINY_MM = 1e-6
 
