@@ -42,7 +42,12 @@ def chi_squared(first: sc.Calibration, second: sc.Calibration) -> float:
 
 def compared(name: str, first: sc.Observations, second: sc.Observations, model: str) -> str:
     """A row of the table."""
-    found = [sc.calibrate(rows, model=model) for rows in (first, second)]  # type: ignore[arg-type]
+    try:
+        found = [sc.calibrate(rows, model=model) for rows in (first, second)]  # type: ignore[arg-type]
+    except sc.SonocalError as refusal:
+        return f"| {name}, {model} | refused | {str(refusal).split(',')[0]} | |"
+    if any(one.covariance is None for one in found):
+        return f"| {name}, {model} | no error is predicted | | |"
     places, _, bound = found[0].predicted_errors()
     apart = np.linalg.norm(found[0].probe_from_image @ places - found[1].probe_from_image @ places, axis=1)
     others = found[1].predicted_errors()[2]

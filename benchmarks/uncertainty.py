@@ -152,7 +152,11 @@ def bootstrap(path: Path, draws: int) -> str:
     observations = sc.read_observations(path)
     parts = []
     for model in ("similarity", "anisotropic"):
-        found = sc.calibrate(observations, fit_split="calibration", model=model)  # type: ignore[arg-type]
+        try:
+            found = sc.calibrate(observations, fit_split="calibration", model=model)  # type: ignore[arg-type]
+        except sc.DegenerateGeometryError as refusal:
+            parts.append(f"{model}: refused: {refusal}")
+            continue
         fitted = observations.select_split("calibration")
         places, rms, radius = found.predicted_errors()
         random = np.random.default_rng(0)

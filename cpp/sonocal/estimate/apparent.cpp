@@ -12,8 +12,6 @@ constexpr double kMostDoubt = 20;
 // Powers of a matrix up to the 2^5-th: its greatest value within 6 % whatever the others are.
 constexpr int kSquarings = 5;
 
-TangentMatrix times(const TangentMatrix& a, const TangentMatrix& b) { return a.lazyProduct(b); }
-
 // Of a matrix x whose values are real and not negative: (I - x)^-1 = (I + x) (I + x^2) (I + x^4) ... for
 // values below one, and the greatest value, or a little more.
 struct Powers {

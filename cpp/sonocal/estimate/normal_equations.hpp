@@ -15,6 +15,7 @@ enum class Model {
 inline int parameter_count(Model model) { return static_cast<int>(model); }
 
 using TangentMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 8, 8>;
+inline TangentMatrix times(const TangentMatrix& a, const TangentMatrix& b) { return a.lazyProduct(b); }
 
 // (exp([w]x) R, t + v, s exp(l)) for the tangent (w, v, l).
 template <int kParameters>

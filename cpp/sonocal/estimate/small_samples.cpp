@@ -18,8 +18,6 @@ constexpr double kLeastFreedom = 4.5;
 constexpr double kCutOff = 1e-10;
 constexpr int kLevels = 2;
 
-TangentMatrix product(const TangentMatrix& a, const TangentMatrix& b) { return a.lazyProduct(b); }
-
 double trace_of_product(const TangentMatrix& a, const TangentMatrix& b) {
   return a.cwiseProduct(b.transpose()).sum();
 }
@@ -118,7 +116,7 @@ WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen
   const Sums sums = sums_of(white, levels, count);
   TangentMatrix share[kLevels];
   SmallMatrix information(count, count);
-  for (int i = 0; i < count; ++i) share[i] = product(sums.pull[i], covariance);
+  for (int i = 0; i < count; ++i) share[i] = times(sums.pull[i], covariance);
   for (int i = 0; i < count; ++i)
     for (int j = 0; j < count; ++j)
       information(i, j) = 0.5 * (sums.inner[i][j] - 2 * trace_of_product(covariance, sums.cross[i][j]) +
@@ -135,8 +133,8 @@ WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen
   double first = 0, second = 0;
   for (int i = 0; i < count; ++i)
     for (int j = 0; j < count; ++j) {
-      const TangentMatrix hidden = sums.cross[i][j] - product(share[i], sums.pull[j]);
-      wider += 2 * spread(i, j) * product(product(covariance, hidden), covariance);
+      const TangentMatrix hidden = sums.cross[i][j] - times(share[i], sums.pull[j]);
+      wider += 2 * spread(i, j) * times(times(covariance, hidden), covariance);
       first += spread(i, j) * share[i].trace() * share[j].trace();
       second += spread(i, j) * trace_of_product(share[i], share[j]);
     }

@@ -2,24 +2,36 @@
 
 #include <cmath>
 
+#include "sonocal/linalg/product.hpp"
+
 namespace sonocal {
 namespace {
 
-// Derivative of a residual n . (S x + h t) by the tangent.
-template <int kParameters>
-Eigen::Matrix<double, 1, kParameters> residual_jacobian(const Vector3d& n, const Vector3d& x, double h,
-                                                        const Matrix3d& s) {
-  Eigen::Matrix<double, 1, kParameters> j;
-  const Vector3d sx = s * x;
-  j.template head<3>() = sx.cross(n);
-  j.template segment<3>(3) = h * n;
-  if (kParameters == 7) {
-    j[6] = n.dot(sx);
-  } else {
-    j[6] = n.dot(s.col(0)) * x[0];
-    j[kParameters - 1] = n.dot(s.col(1)) * x[1];
+constexpr int kMostParameters = 8;
+using TangentRow = Eigen::Matrix<double, 1, kMostParameters>;  // a similarity leaves the last one unused
+using TangentSquare = Eigen::Matrix<double, kMostParameters, kMostParameters>;
+
+// Derivative of a residual n . (S x + h t) by the tangent of so many parameters.
+TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s,
+                             int parameters) {
+  const Vector3d sx = s * x, turned = sx.cross(n);
+  const bool alike = parameters == 7;
+  TangentRow j;
+  for (int i = 0; i < 3; ++i) {
+    j[i] = turned[i];
+    j[3 + i] = h * n[i];
   }
+  j[6] = alike ? n.dot(sx) : n.dot(s.col(0)) * x[0];
+  j[7] = alike ? 0.0 : n.dot(s.col(1)) * x[1];
   return j;
+}
+
+// sum += by v v'
+void add_outer(TangentSquare& sum, double by, const TangentRow& v) {
+  for (int c = 0; c < kMostParameters; ++c) {
+    const double of_column = by * v[c];
+    for (int r = 0; r < kMostParameters; ++r) sum.data()[r + kMostParameters * c] += of_column * v[r];
+  }
 }
 
 // Where a segment's middle is along its direction, and half its length.
@@ -33,33 +45,28 @@ struct Needle {
 // A pixel's noise e adds n . dS e to the derivative J of r, the direction's noise q = -(n . q) d . d(S x + h
 // t): both are in J'J, and in J'r, too, where the derivatives of A and B take them out as long as the levels
 // are right.
-template <int kParameters>
 struct NoiseInJacobian {
-  using Row = Eigen::Matrix<double, 1, kParameters>;
-  Eigen::Matrix<double, kParameters, kParameters> px =
-      Eigen::Matrix<double, kParameters, kParameters>::Zero();
-  Eigen::Matrix<double, kParameters, kParameters> mm = px;
-  Eigen::Matrix<double, kParameters, 1> by_ratio = Eigen::Matrix<double, kParameters, 1>::Zero();
+  TangentSquare px = TangentSquare::Zero(), mm = TangentSquare::Zero();
+  TangentRow by_ratio = TangentRow::Zero();
 
-  // px, mm: the squared levels of the row's point and segment.
+  // a, b: the squared levels of the row's point and segment.
   void add(const Vector3d& n, const Vector3d& d, const Vector3d& x, double h, const Needle& needle,
-           const Matrix3d& s, const Vector3d& t, int dimension, double weight, double a, double b) {
-    const Vector3d y = s * x + h * t;
-    const double tau = (d.dot(y) - h * needle.middle) / needle.half_length;
-    const Row along = residual_jacobian<kParameters>(d, x, h, s);
-    Row by_px = Row::Zero();  // half the derivative of A
+           const Transform& at, const Matrix3d& s, int dimension, int parameters, double weight, double a,
+           double b) {
+    const double tau = (d.dot(s * x + h * at.translation) - h * needle.middle) / needle.half_length;
+    const TangentRow along = residual_jacobian(d, x, h, s, parameters);
+    TangentRow by_px = TangentRow::Zero();  // half the derivative of A
     double of_px = 0;
     for (int axis = 0; axis < dimension; ++axis) {
-      const Row of_axis = residual_jacobian<kParameters>(n, Vector3d::Unit(axis), 0, s);
+      const TangentRow of_axis = residual_jacobian(n, Vector3d::Unit(axis), 0, s, parameters);
       const double seen = n.dot(s.col(axis));
-      px += (weight * a) * of_axis.transpose() * of_axis;
+      add_outer(px, weight * a, of_axis);
       by_px += (a * seen) * of_axis;
       of_px += a * seen * seen;
     }
-    const double length = needle.half_length, of_direction = 0.5 * b / (length * length);
-    mm += (weight * of_direction) * along.transpose() * along;
-    const double of_mm = 1 / weight - of_px;
-    by_ratio += weight * weight * (of_px * (0.5 * b * tau / length) * along - of_mm * by_px).transpose();
+    const double length = needle.half_length, of_mm = 1 / weight - of_px;
+    add_outer(mm, weight * 0.5 * b / (length * length), along);
+    by_ratio += (weight * weight) * ((of_px * 0.5 * b * tau / length) * along - of_mm * by_px);
   }
 };
 
@@ -68,8 +75,8 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
   const PointLines rows(table.points, table.segments, table.rows, table.dimension);
   const Normalisation& n = rows.normalisation();
   const Transform normalised = n.to_normalised(at);
-  const Eigen::Matrix<double, kParameters, kParameters> from_original =
-      tangent_to_normalised<kParameters>(at, n);
+  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+  const Matrix from_original = tangent_to_normalised<kParameters>(at, n);
   const bool alike = options.weighting == Weighting::kGeometric;
   PointLines::Column selector(table.rows);
   for (int i = 0; i < table.rows; ++i) selector[i] = chosen[i] ? 0.0 : 1.0;
@@ -88,7 +95,7 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
   out.by_level.setZero(count, 2);
   out.row.reserve(count);
   const Matrix3d linear = normalised.linear();
-  NoiseInJacobian<kParameters> in_jacobian;
+  NoiseInJacobian in_jacobian;
   NoiseBlocks blocks(noise, normalised, levels);
   IndependentBlock block;
   int to = 0;
@@ -100,8 +107,12 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
         const Vector3d x(block.x[0][i], block.x[1][i], block.x[2][i]);
         if (!alike) out.by_level.row(to) << block.alpha[k][i] * px * weight, block.beta[k][i] * mm * weight;
         out.residual[to] = root * block.residual[k][i];
-        out.jacobian.row(to) =
-            root * residual_jacobian<kParameters>(normal, x, block.h[i], linear) * from_original;
+        const TangentRow jacobian = residual_jacobian(normal, x, block.h[i], linear, kParameters);
+        for (int c = 0; c < kParameters; ++c) {
+          double sum = 0;
+          for (int j = 0; j < kParameters; ++j) sum += jacobian[j] * from_original(j, c);
+          out.jacobian(to, c) = root * sum;
+        }
         out.shift.row(to) = (root * block.h[i] / n.size) * normal.transpose();
         const int row = block.first_row[i];
         out.row.push_back(row);
@@ -109,12 +120,18 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
         const double fp = table.dimension == 2 && table.noise.px ? table.noise.px[row] : 1;
         const double fm = table.noise.mm ? table.noise.mm[row] : 1;
         in_jacobian.add(normal, rows.direction(row), x, block.h[i], {rows.middle(row), rows.half_length(row)},
-                        linear, normalised.translation, table.dimension, weight, levels.px * fp * fp,
+                        normalised, linear, table.dimension, kParameters, weight, levels.px * fp * fp,
                         levels.mm * fm * fm);
       }
-  out.from_noise[0] = from_original.transpose() * in_jacobian.px * from_original;
-  out.from_noise[1] = from_original.transpose() * in_jacobian.mm * from_original;
-  out.by_ratio = from_original.transpose() * in_jacobian.by_ratio;
+  const auto original = [&](const TangentSquare& sums) -> TangentMatrix {
+    const Matrix used = sums.template topLeftCorner<kParameters, kParameters>();
+    return transposed_product(from_original, product(used, from_original));
+  };
+  out.from_noise[0] = original(in_jacobian.px);
+  out.from_noise[1] = original(in_jacobian.mm);
+  const Eigen::Matrix<double, kParameters, 1> by_ratio =
+      in_jacobian.by_ratio.transpose().template head<kParameters>();
+  out.by_ratio = transposed_product(from_original, by_ratio);
   return out;
 }
 

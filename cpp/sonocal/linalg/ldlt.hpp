@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 
 namespace sonocal {
 
@@ -23,6 +24,12 @@ class Ldlt {
   }
   double least_pivot() const { return least_; }
   double greatest_pivot() const { return greatest_; }
+  // Of a positive definite matrix.
+  double log_determinant() const {
+    double sum = 0;
+    for (int k = 0; k < kSize; ++k) sum += std::log(l_[k][k]);
+    return sum;
+  }
 
  private:
   void factorise(const double* a);

@@ -43,9 +43,8 @@ __all__ = [
 MANY_OUTLIERS = 0.2
 # Errors shared over stretches of frames that exceed the rows' own by this factor are worth a warning.
 LARGE_DRIFT = 2.0
-# With fewer independent errors their variance is known to no better than a third of itself; a drift that is likelier
-# by less than this (twice the logarithm) is chance in some scans of a thousand.
-ENOUGH_STRETCHES, SURE_GAIN = 30.0, 10.0
+# With fewer independent errors their variance is known to no better than a third of itself.
+ENOUGH_STRETCHES = 30.0
 # A quarter of needles within 5 deg of the image is not chance: of random ones it is a twelfth.
 FLAT_DEG, FLAT_SHARE = 5.0, 0.25
 
@@ -159,7 +158,7 @@ def _diagnose_drift(noise: Noise) -> Iterator[Diagnostic]:
     if drift is None:
         return
     few = drift.stretches < ENOUGH_STRETCHES
-    if drift.gain < SURE_GAIN or not (few or size > LARGE_DRIFT * noise.row_mm):
+    if not (few or size > LARGE_DRIFT * noise.row_mm):
         return
     seen = f"; only some {drift.stretches:.0f} independent ones were seen, so that the predicted error is a guess"
     guess = seen if few else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Self, TypedDict
 
 import numpy as np
@@ -85,15 +85,14 @@ class Options(RegistrationOptions):
         Raises:
             InputError: a value is none that an option has.
         """
-        names = {field.name for field in fields(cls)}
-        return cls.of(**{name: value for name, value in record.items() if name in names})
+        return cls.of(**{name: value for name, value in record.items() if name in cls.__dataclass_fields__})
 
     def record(self) -> dict[str, Any]:
         """The options as a calibration's file holds them: those that every calibration has had, and what was told."""
         return {
-            field.name: _plain(getattr(self, field.name))
-            for field in fields(self)
-            if field.name in RECORDED or getattr(self, field.name) != field.default
+            name: _plain(value)
+            for name, field in self.__dataclass_fields__.items()
+            if (value := getattr(self, name)) != field.default or name in RECORDED
         }
 
 

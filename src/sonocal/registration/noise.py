@@ -29,7 +29,8 @@ class Drift:
     Attributes:
         memory_frames: frames after which its correlation has fallen to 1 / e.
         stretches: as many independent errors it has shown.
-        gain: twice the logarithm of how much likelier it makes the residuals; by chance 3 in one scan of 20.
+        gain: twice the logarithm of how much likelier it makes the residuals; by chance 10 in some sound scans of a
+            thousand.
     """
 
     memory_frames: float

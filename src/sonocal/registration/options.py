@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from difflib import get_close_matches
 from math import inf, nan
 from numbers import Real
@@ -61,7 +61,7 @@ class Options:
         Raises:
             InputError: there is no option of a name, or its value means nothing.
         """
-        names = [field.name for field in fields(cls)]
+        names = list(cls.__dataclass_fields__) if keywords else []
         for name in keywords:
             if name not in names:
                 near = get_close_matches(name, names, 1)
