@@ -15,3 +15,12 @@ def data_folder():
     if not DATA.is_dir():
         pytest.skip(f"no real data: {DATA} does not exist")
     return DATA
+
+
+@pytest.fixture(scope="session")
+def cases_folder():
+    """Small files that went wrong once."""
+    folder = DATA.parent / "cases"
+    if not folder.is_dir():
+        pytest.skip(f"no cases: {folder} does not exist")
+    return folder

@@ -206,25 +206,29 @@ def field_at(rng: np.random.Generator, millimetres: float) -> Callable[[Array], 
     return lambda places: np.sin(places @ wave.T + phase) @ size
 
 
-def distortion(seed: int, millimetres: float) -> Case:
-    """An electromagnetic field bent by metal: both sensors are displaced by a smooth field."""
-    scan = sound(seed, 150)
+def distortion(seed: int, millimetres: float, *, still: bool = False) -> Case:
+    """An electromagnetic field bent by metal: both sensors are displaced by a smooth field.
+
+    `still`: a recording of images each held anew, so that neighbours in time have nothing in common.
+    """
+    scan = sound(seed, 150, still=still)
     bend = field_at(rng_of(seed), millimetres)
     poses = scan.tracker_from_probe.copy()
     poses[:, :3, 3] += bend(poses[:, :3, 3])
-    return Case(scan.but(ends_mm=scan.ends_mm + bend(scan.ends_mm), tracker_from_probe=poses))
+    bent = scan.but(ends_mm=scan.ends_mm + bend(scan.ends_mm), tracker_from_probe=poses)
+    return Case(bent, recording=still)
 
 
-def sag(seed: int, millimetres: float) -> Case:
-    """The needle's tip hangs down where the needle lies level; its marker does not know."""
-    scan = sound(seed, 150)
+def sag(seed: int, millimetres: float, *, still: bool = False) -> Case:
+    """The needle's tip hangs down where the needle lies level; its marker does not know. `still` as of `distortion`."""
+    scan = sound(seed, 150, still=still)
     down = unit_vector(rng_of(seed))
     along = scan.ends_mm[:, 1] - scan.ends_mm[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     level = np.linalg.norm(np.cross(along, down), axis=1)
     ends = scan.ends_mm.copy()
     ends[:, 1] -= (millimetres * level)[:, None] * down
-    return Case(scan.but(ends_mm=ends))
+    return Case(scan.but(ends_mm=ends), recording=still)
 
 
 def offset_in_tracker(seed: int, millimetres: float) -> Case:
@@ -566,7 +570,13 @@ KINDS: dict[str, Kind] = {
     "marker creeps": Kind(drift, (1.0, 2.0, 4.0), "mm", nothing=0.0),
     "marker wanders": Kind(wandering, (1.0, 2.0, 4.0), "mm", nothing=0.0),
     "EM distortion": Kind(distortion, (0.7, 1.5, 3.0), "mm rms", nothing=0.0),
+    "EM distortion, recording of stills": Kind(
+        lambda s, x: distortion(s, x, still=True), (0.7, 1.5, 3.0), "mm rms", nothing=0.0
+    ),
     "needle sags": Kind(sag, (1.0, 2.0, 4.0), "mm", nothing=0.0),
+    "needle sags, recording of stills": Kind(
+        lambda s, x: sag(s, x, still=True), (1.0, 2.0, 4.0), "mm", nothing=0.0
+    ),
     "offset in the tracker's frame": Kind(offset_in_tracker, (1.0, 2.0, 4.0), "mm", nothing=0.0),
     "offset in the probe's frame": Kind(
         offset_in_probe, (1.0, 2.0, 4.0), "mm", "a shift of all needles is a shift of the probe's marker", 0.0

@@ -58,7 +58,7 @@ def tools(tmp_path_factory):
         "second": pivoting(rng, tip=TIP + 100 * AXIS),
         "little": pivoting(rng, tilt_deg=6.0),
         "slipped": slipped,
-        "still": np.repeat(slipped[:1], 50, axis=0),
+        "still": pivoting(rng, n=50, tilt_deg=0.001),
     }
     for name, matrices in made.items():
         write_tracker(folder / f"{name}.igs.mha", Needle=matrices)

@@ -157,7 +157,7 @@ def test_a_mirrored_volume_is_named_wherever_it_is_refused_or_spoilt(
     try:
         found = sc.calibrate(altered(rows, points_px=points), threshold_mm=threshold_mm)
     except MirroredVolumeError as refusal:
-        assert "when the volume is mirrored along one axis" in str(refusal)
+        assert "when it is mirrored along one axis" in str(refusal)
     except (sc.NoConsensusError, sc.DegenerateGeometryError) as refusal:
         assert "mirrored" in str(refusal) or wrong.sum() > 0.3 * len(wrong)  # too few are left
     else:

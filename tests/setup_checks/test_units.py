@@ -69,6 +69,23 @@ def test_an_unsure_scale_is_not_doubted_and_a_sure_one_is():
     assert not scale_hints(np.array([0.008]), 0.2)
 
 
+@given(st.floats(0.1, 3.75))
+def test_voxels_of_the_deepest_setting_are_not_doubted(mm_per_px):
+    """240 mm in 64 voxels."""
+    assert not scale_hints(np.array([mm_per_px]), dimension=3)
+    assert bool(scale_hints(np.array([mm_per_px]), dimension=2)) == (mm_per_px > 1.5)
+
+
+def test_shares_of_a_volume_are_doubted_by_the_scale_too():
+    assert scale_hints(np.array([60.0]), 0.01, dimension=3)
+
+
+def test_a_scale_that_is_hardly_known_is_neither_doubted_nor_a_warning_of_numpy():
+    with np.errstate(all="raise"):
+        assert not scale_hints(np.array([1e-5]), 1e6)
+        assert not scale_hints(np.array([1e5]), 1e6)
+
+
 def test_the_command_stops_writes_nothing_and_goes_on_when_told(tmp_path):
     rows = scan(0, outliers=0).observations
     sc.write_observations(dataclasses.replace(rows, segments_mm=rows.segments_mm / 1000), tmp_path / "a.csv")

@@ -77,7 +77,7 @@ def test_mirrored_volumes_are_named_and_those_without_a_needle_are_not(decoys, h
     for seed in range(3):
         one = scan_of(3, 60, seed, decoys=decoys, hidden=hidden)
         mirrored = replace(one.detections, points_px=[0, 499, 0] + one.detections.points_px * [1, -1, 1])
-        with pytest.raises(MirroredVolumeError, match="when the volume is mirrored along one axis"):
+        with pytest.raises(MirroredVolumeError, match="when it is mirrored along one axis"):
             calibrate_recording(one.recording, one.lines, detections=mirrored, second_look=False)
         places = np.random.default_rng(seed).uniform(0, 499, mirrored.points_px.shape)
         with pytest.raises(sc.NoConsensusError) as refusal:

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from sonocal import InputError
 from sonocal.recording import Poses, Recording
+from sonocal.recording.formats import read_recording
 from sonocal.targets import read_lines, read_points_toml
 from sonocal.tools import (
     Stylus,
@@ -232,6 +234,77 @@ def test_a_touch_follows_the_tool_and_not_the_stylus_marker(seed):
     np.testing.assert_allclose(
         tool_moved.covariance, other[:3, :3] @ found.covariance @ other[:3, :3].T, rtol=1e-6, atol=1e-9
     )
+
+
+def repeating(rng, poses, most):
+    """The poses with some of them again, up to so often, right behind or anywhere later; and how many more."""
+    extra = rng.integers(0, len(poses), rng.integers(1, most + 1))
+    after = np.array([rng.integers(i + 1, len(poses) + 1) for i in extra])
+    return np.insert(poses, after, poses[extra], axis=0), len(extra)
+
+
+def touched(poses):
+    return digitise_point(Poses.of("Stylus", "Needle", poses), TIP)
+
+
+@pytest.mark.parametrize(
+    ("made", "calibrated", "numbers"),
+    [
+        (pivoting, calibrate_pivot, ("tip_mm", "pivot_mm", "covariance", "rms_mm", "spread_deg")),
+        (spinning, calibrate_spin, ("direction", "point_mm", "covariance", "wobble_mm", "turn_deg")),
+        (pivoting, touched, ("point_mm", "covariance", "samples")),
+    ],
+)
+@settings(max_examples=15)
+@given(seed=SEEDS, most=st.integers(1, 300))
+def test_a_pose_that_repeats_counts_once_and_is_told(made, calibrated, numbers, seed, most):
+    rng = np.random.default_rng(seed)
+    poses = made(rng, n=60)
+    again, more = repeating(rng, poses, most)
+    found, repeated = calibrated(poses), calibrated(again)
+    for name in numbers:
+        np.testing.assert_array_equal(getattr(repeated, name), getattr(found, name))
+    told = [one for one in repeated.diagnostics if one.code in ("repeated-poses", "frozen-poses")]
+    assert [f" {more} of {len(again)} poses repeat" in one.message for one in told] == [True]
+    assert [one for one in repeated.diagnostics if one not in told] == list(found.diagnostics)
+
+
+@pytest.mark.parametrize(
+    ("run", "code"), [(9, "repeated-poses"), (10, "frozen-poses"), (300, "frozen-poses")]
+)
+def test_poses_that_stand_still_for_a_while_are_warned_of(run, code):
+    poses = pivoting(np.random.default_rng(0))
+    found = calibrate_pivot(np.insert(poses, 100, np.tile(poses[99], (run, 1, 1)), axis=0))
+    assert [(one.code, f"up to {run} in a row" in one.message) for one in found.diagnostics] == [(code, True)]
+    assert (found.diagnostics[0].severity == "warning") == (code == "frozen-poses")
+
+
+def test_a_pose_often_repeated_is_no_calibration():
+    poses = pivoting(np.random.default_rng(0), n=9)[np.arange(200) % 9]
+    with pytest.raises(
+        InputError, match=r"has 200 valid poses, 9 of them distinct \(.*\); a tool calibration needs 10"
+    ):
+        calibrate_pivot(poses)
+    with pytest.raises(
+        InputError, match=r"the touch has 200 valid poses, 4 of them distinct \(.*\); 5 are needed"
+    ):
+        touched(poses[np.arange(200) % 4])
+
+
+def test_what_a_touch_repeats_is_told_of_the_tool():
+    stylus = pivoting(np.random.default_rng(0), n=60)[np.minimum(np.arange(60), 30)]
+    still = np.tile(rigid(1), (60, 1, 1))
+    both = [Poses.of("Needle", "Tracker", still), Poses.of("Stylus", "Tracker", still @ stylus)]
+    touch = Recording(times=np.arange(60.0), poses={one.plus_name: one for one in both})
+    found = calibrate_tool("Needle", touch, stylus=Stylus("Stylus", TIP))
+    assert [one.code for one in found.diagnostics] == ["frozen-poses"]
+
+
+def test_the_recording_whose_tracker_stalled_is_warned_of(cases_folder):
+    stalled = read_recording(cases_folder / "pivot_frozen_poses.igs.mha")
+    found = calibrate_tool("Stylus", stalled)
+    assert [one.code for one in found.diagnostics] == ["frozen-poses"]
+    assert found.points[0].inlier.sum() == 141
 
 
 @settings(max_examples=15)

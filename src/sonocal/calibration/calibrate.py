@@ -85,19 +85,19 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     # The transform that most rows agree with, refined on those that do.
     with explained(rows, asked):
         table, fit, mirrored = fit_rows(rows, asked)
-        used = asked.resolved(fit.threshold_mm)
+        used, groupings = asked.resolved(fit.threshold_mm), groupings_of(table, rows)
 
         # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
-        groupings = groupings_of(table, rows)
         noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
         refuse_apparent(table, fit.inlier, noise.apparent)
-    mapped, (seen, area) = MappedRows(fit.transform, table), image_area(rows.points_px[fit.inlier], size)
+    mapped, few = MappedRows(fit.transform, table), few_fixed_targets(table, fit.inlier)
+    seen, area = image_area(rows.points_px[fit.inlier], size)
     rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
     noise = noise if rival is None else replace(noise, covariance=noise.covariance + rival.covariance)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,
-        covariance=noise.covariance if predicts(noise) and not few_fixed_targets(table, fit.inlier) else None,
+        covariance=noise.covariance if predicts(noise) and not few else None,
         noise=noise,
         area_px=area,
         image_size_px=size,
@@ -114,7 +114,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     # What to know before use, looked for when it is first read.
     accepted = (area, used.tolerance_mm, found.area_name)
     looks = (
-        partial(few_targets_finding, table, fit.inlier),
+        partial(few_targets_finding, few),
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
         partial(area_findings, found),
         partial(held_out_findings, found, held_out),

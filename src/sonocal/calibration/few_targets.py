@@ -39,9 +39,8 @@ def few_fixed_targets(table: PointLineRows, inlier: NDArray[np.bool_]) -> int:
     return len(used) if all(others) else 0
 
 
-def few_targets_finding(table: PointLineRows, inlier: NDArray[np.bool_]) -> Iterator[Diagnostic]:
-    """The finding, where there are too few."""
-    count = few_fixed_targets(table, inlier)
+def few_targets_finding(count: int) -> Iterator[Diagnostic]:
+    """The finding of so many targets that are too few, see `few_fixed_targets`; none of 0."""
     if not count:
         return
     yield Diagnostic(

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from sonocal.calibration.options import Options
 from sonocal.calibration.rows import point_line_rows
-from sonocal.errors import DegenerateGeometryError, NoConsensusError
+from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import DECISIVE, Diagnostic
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import refuse_degenerate_lines
@@ -25,6 +25,8 @@ def explained(rows: Observations, options: Options) -> Iterator[None]:
     """Within it, a refusal of these rows runs the set-up checks, carries what they find and leads with it."""
     try:
         yield
+    except MirroredVolumeError:  # which says itself what it comes from
+        raise
     except (NoConsensusError, DegenerateGeometryError) as error:
         table = point_line_rows(rows)
         if _is_degenerate(table):  # whatever else is wrong with them, these rows have no answer

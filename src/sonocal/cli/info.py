@@ -17,11 +17,13 @@ from sonocal.cli.options import (
     progress,
 )
 from sonocal.cli.screen.plain import say_json
+from sonocal.cli.told import table_doubts, unit_doubts
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.detection import Detections
     from sonocal.files.kinds import Kind
+    from sonocal.findings import Diagnostic
     from sonocal.observations import Observations
     from sonocal.targets import DeviceSet, Targets
     from sonocal.validation import PointSightings
@@ -80,7 +82,9 @@ def _calibration(_: str, found: Calibration) -> Shown:
 def _observations(_: str, found: Observations) -> Shown:
     from sonocal.cli.screen.calibration import observation_splits, print_observations
 
-    return observation_splits(found), lambda: print_observations(console(), found)
+    doubts = table_doubts(found)
+    record = [split | {"diagnostics": doubts} for split in observation_splits(found)]
+    return record, _doubted(doubts, lambda: print_observations(console(), found))
 
 
 def _points(_: str, found: Detections) -> Shown:
@@ -106,15 +110,29 @@ def _targets(name: str, found: Targets) -> Shown:
         if found.points:
             print_tips(console(), f"{name}: points of tools", found.points)
 
-    return found, show
+    doubts = unit_doubts(lines=found.lines)
+    record = {"lines": found.lines, "points": found.points, "diagnostics": doubts}
+    return record, _doubted(doubts, show)
 
 
 def _device_set(_: str, found: DeviceSet) -> Shown:
     from sonocal.cli.screen.recording import print_device_set
 
     transforms = {f"{source}To{target}": matrix for (target, source), matrix in found.transforms.items()}
+    doubts = unit_doubts(lines=found.wires)
     record = {"name": found.name, "transforms": transforms, "wires": found.wires, "patterns": found.patterns}
-    return record, lambda: print_device_set(console(), found)
+    return record | {"diagnostics": doubts}, _doubted(doubts, lambda: print_device_set(console(), found))
+
+
+def _doubted(doubts: list[Diagnostic], show: Callable[[], None]) -> Callable[[], None]:
+    """What prints the doubts first, then the rest."""
+    from sonocal.cli.screen.parts import print_findings
+
+    def both() -> None:
+        print_findings(console(), doubts)
+        show()
+
+    return both
 
 
 # What shows each kind of file: its name in messages and what its format read.

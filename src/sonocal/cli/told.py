@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from sonocal.recording import Recording
     from sonocal.targets import Line
 
-__all__ = ["ACCEPT_UNITS", "EXPECTED", "MARKER_ABOVE", "expected_rotation", "refuse_units", "unit_doubts"]
+__all__ = [
+    "ACCEPT_UNITS",
+    "EXPECTED",
+    "MARKER_ABOVE",
+    "expected_rotation",
+    "refuse_units",
+    "table_doubts",
+    "unit_doubts",
+]
 
 MARKER_ABOVE = click.option(
     "--marker-above",
@@ -68,12 +76,7 @@ def _of_device_set(path: Path) -> Array:
             + (", ".join(f"{source}To{target}" for target, source in matrices) or "none")
         )
     (matrix,) = found.values()
-    lengths = np.linalg.norm(matrix[:3, :3], axis=0)
-    if not np.all(lengths > 0):
-        raise InputError(
-            f"{path.name}: its transform from Image has a column of zeros; give one that is calibrated"
-        )
-    return np.asarray(matrix[:3, :3] / lengths)
+    return np.asarray(matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0))
 
 
 def unit_doubts(
@@ -90,6 +93,21 @@ def unit_doubts(
     if rows is not None:
         found += unit_doubt(length_hints(rows.points_px, rows.segments_mm))
     return found
+
+
+def table_doubts(rows: Observations) -> list[Diagnostic]:
+    """The doubts that a table's lengths are mm and its places px, those that only its calibration shows among them."""
+    from sonocal.calibration import calibrate
+    from sonocal.calibration.evidence import evidence_of
+    from sonocal.errors import SonocalError
+    from sonocal.setup_checks.units import check_units
+
+    if found := unit_doubts(rows=rows):
+        return found
+    try:
+        return [*check_units(evidence_of(calibrate(rows), rows))]
+    except SonocalError:  # rows that have no calibration have no scale
+        return []
 
 
 def refuse_units(name: str, findings: Iterable[Diagnostic], *, accepted: bool) -> None:

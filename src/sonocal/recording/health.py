@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sonocal.findings import Diagnostic
 from sonocal.geometry.units import place_hints, unit_doubt
 from sonocal.recording.model import ImageGeometry, Recording
-from sonocal.recording.poses import RIGID_TOLERANCE, Poses, rigidity_error
+from sonocal.recording.poses import FROZEN_RUN, RIGID_TOLERANCE, Poses, longest_run, rigidity_error
 
 __all__ = ["Summary", "ToolSummary", "health", "summarize", "unit_findings"]
 
@@ -23,8 +23,6 @@ Progress = Callable[[int, int], None]
 GAP_FACTOR = 4.0
 # A tool that moves less than this is at rest: trackers jitter by a few tenths.
 STATIC_MM, STATIC_RAD = 0.5, 0.005
-# Poses equal to the last bit for this long are a tracker that repeats itself, not a hand that is still.
-FROZEN_RUN = 10
 MANY_INVALID = 0.1
 
 
@@ -161,7 +159,7 @@ def _poses(poses: Poses) -> Iterator[Diagnostic]:
     name, n = poses.plus_name, len(poses)
     invalid = n - int(poses.valid.sum())
     if invalid:
-        runs = _longest_run(~poses.valid)
+        runs = longest_run(~poses.valid)
         yield Diagnostic(
             code="invalid-poses",
             severity="warning" if invalid > MANY_INVALID * n else "info",
@@ -194,7 +192,7 @@ def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
             message=f"{name}: does not move, {travel:.3f} mm over {len(seen)} poses",
             advice="expected of a reference marker; a probe or needle must move to be calibrated",
         )
-    elif (run := _longest_run(same)) >= FROZEN_RUN:
+    elif (run := longest_run(same)) >= FROZEN_RUN:
         yield _warning(
             "frozen-poses",
             f"{name}: repeats a pose to the last digit up to {run + 1} times in a row",
@@ -220,7 +218,7 @@ def _repeated_images(recording: Recording, progress: Progress | None) -> Iterato
             progress(len(digests), len(recording.frames))
     repeats = np.array([a == b for a, b in pairwise(digests)], dtype=bool)
     if repeats.any():
-        run, first = _longest_run(repeats), int(np.flatnonzero(repeats)[0]) + 1
+        run, first = longest_run(repeats), int(np.flatnonzero(repeats)[0]) + 1
         yield _warning(
             "frozen-images" if run >= FROZEN_RUN else "duplicated-images",
             f"{repeats.sum()} of {len(digests)} images repeat the one before them, first at frame {first}, up to "
@@ -234,7 +232,7 @@ def _tool(poses: Poses) -> ToolSummary:
         name=poses.plus_name,
         poses=len(poses),
         valid=int(poses.valid.sum()),
-        longest_loss=_longest_run(~poses.valid),
+        longest_loss=longest_run(~poses.valid),
         travel_mm=_travel_mm(poses.matrices[poses.valid]),
     )
 
@@ -245,11 +243,6 @@ def _travel_mm(matrices: NDArray[np.float64]) -> float:
         return 0.0
     places = matrices[:, :3, 3]
     return float(np.linalg.norm(places - np.median(places, axis=0), axis=1).max())
-
-
-def _longest_run(mask: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _warning(code: str, message: str, advice: str) -> Diagnostic:

@@ -13,13 +13,25 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.errors import InputError
 from sonocal.geometry import Array
 
-__all__ = ["RIGID_TOLERANCE", "Mask", "OnInvalid", "Poses", "by_name", "rigidity_error"]
+__all__ = [
+    "FROZEN_RUN",
+    "RIGID_TOLERANCE",
+    "Mask",
+    "OnInvalid",
+    "Poses",
+    "by_name",
+    "longest_run",
+    "repeated",
+    "rigidity_error",
+]
 
 Mask = NDArray[np.bool_]
 OnInvalid = Literal["raise", "skip"]
 
 # Files hold matrices rounded to four digits or more; what is further from a rotation is no pose.
 RIGID_TOLERANCE = 5e-3
+# Poses equal to the last digit for this long are a tracker that repeats itself, not a hand that is still.
+FROZEN_RUN = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,3 +187,17 @@ def poses_from_quaternions(
         matrices[valid, :3, :3] = Rotation.from_quat(np.roll(quaternions_wxyz[valid], -1, axis=1)).as_matrix()
         matrices[valid, :3, 3] = places_mm[valid]
     return Poses(source, target, matrices, valid)
+
+
+def repeated(matrices: Array) -> Mask:
+    """(N,): whether a pose (N, 4, 4) is one that came before, to the last digit: no measurement of its own."""
+    first = np.unique(matrices.reshape(-1, 16), axis=0, return_index=True)[1]
+    again = np.ones(len(matrices), dtype=bool)
+    again[first] = False
+    return again
+
+
+def longest_run(mask: Mask) -> int:
+    """How often in a row, at most, a mask (N,) is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))

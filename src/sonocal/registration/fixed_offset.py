@@ -85,7 +85,7 @@ def fixed_offset(
         offset_mm=offset,
         deviation_mm=float(np.sqrt(np.trace(covariance))),
         p_value=_p_value(offset, covariance, stretches),
-        moved=found[:parameters] - without,
+        moved=without - found[:parameters],  # what is found is how far the transform is off
     )
 
 

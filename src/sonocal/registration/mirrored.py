@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
+from sonocal.findings import Diagnostic
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["mirrored_volume", "refuse_mirrored_volume"]
+__all__ = ["mirrored_finding", "mirrored_volume", "refuse_mirrored_volume"]
 
 # Of the mirrored rows this many times as many must agree as of those that stand as they do: where most of all rows
 # do, and where a part does, as of several candidates for one needle.
@@ -54,9 +55,24 @@ def refuse_mirrored_volume(
     gain = GAIN_OF_MOST if 2 * agreeing > count else GAIN_OF_PART
     if agreeing < least or agreeing <= gain * best_count:
         return
-    raise MirroredVolumeError(
-        f"no calibration agrees with more than {best_count} of {count} rows as they stand, and one fits {agreeing} of "
-        "them when the volume is mirrored along one axis: an axis of the volume runs the wrong way; check the order "
-        "and the direction of u, v and w",
-        best_count=best_count,
+    found = mirrored_finding(agreeing, count, f"no more than {best_count} as they stand")
+    raise MirroredVolumeError(f"{found.message}; {found.advice}", best_count=best_count).explained((found,))
+
+
+def mirrored_finding(agreeing: int, count: int, otherwise: str = "") -> Diagnostic:
+    """The finding that a volume is mirrored.
+
+    Args:
+        agreeing: rows that agree when it is mirrored back.
+        count: of how many.
+        otherwise: how many do as they stand, in words.
+    """
+    beside = otherwise and f", and {otherwise}"
+    return Diagnostic(
+        code="flipped-image",
+        severity="warning",
+        message=(
+            f"the volume fits when it is mirrored along one axis: {agreeing} of {count} rows agree then{beside}"
+        ),
+        advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
     )

@@ -13,12 +13,10 @@ from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.latency import (
     LEAST_LAG_MM,
     beyond_tolerance,
-    deviation_of,
+    gain_of,
     in_words,
-    is_significant,
     latency_finding,
     latency_findings,
-    speed_of,
 )
 from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.motion import Motion
@@ -26,8 +24,8 @@ from sonocal.setup_checks.motion import Motion
 __all__ = ["lag_finding", "lags_of", "looks_late", "spoiling_lag"]
 
 # Signs of trouble that a search is worth its time for: rows left out, residuals that are no noise's (share of the
-# threshold), or a latency that residuals hint at.
-SUSPICIOUS_OUTLIERS, SUSPICIOUS_RMS, HINT = 0.1, 0.25, 0.5
+# threshold), or a latency that they hint at, by three deviations were they independent.
+SUSPICIOUS_OUTLIERS, SUSPICIOUS_RMS, HINT = 0.1, 0.25, 9.0
 
 
 def lags_of(evidence: Evidence, motion: Motion | None, latency: float) -> Iterator[Diagnostic]:
@@ -38,7 +36,7 @@ def lags_of(evidence: Evidence, motion: Motion | None, latency: float) -> Iterat
         motion: those that the checks over time look at; None: too few agree.
         latency: what their residuals hint at, 0 where nothing does.
     """
-    if looks_late(evidence, motion, latency):
+    if looks_late(evidence, motion):
         rows = RowsInTime.of(evidence.observations, evidence.table)
         lag = find_lag(rows, evidence.threshold_mm, evidence.model)
         if lag is not None and lag.moved_mm > LEAST_LAG_MM:
@@ -49,16 +47,13 @@ def lags_of(evidence: Evidence, motion: Motion | None, latency: float) -> Iterat
         yield from latency_findings(motion, latency, evidence.tolerance_mm)
 
 
-def looks_late(evidence: Evidence, motion: Motion | None, latency: float) -> bool:
+def looks_late(evidence: Evidence, motion: Motion | None) -> bool:
     """Whether a search is worth its time."""
     if motion is None or np.mean(evidence.inlier) < 1.0 - SUSPICIOUS_OUTLIERS:
         return True
     if evidence.rms_mm > SUSPICIOUS_RMS * evidence.threshold_mm:
         return True
-    if not abs(latency) * speed_of(motion) > HINT * LEAST_LAG_MM:
-        return False
-    left = motion.residuals - latency * motion.velocity
-    return is_significant(motion, latency, HINT * deviation_of(motion), left)
+    return gain_of(motion, evidence.inlier[motion.rows]) > HINT
 
 
 def lag_finding(lag: Lag, known_s: float = 0.0) -> Diagnostic:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
@@ -18,6 +19,7 @@ __all__ = [
     "beyond_tolerance",
     "check_latency",
     "deviation_of",
+    "gain_of",
     "in_words",
     "is_significant",
     "latency_finding",
@@ -96,6 +98,31 @@ def deviation_of(motion: Motion) -> float:
     size = motion.parameters + 2
     folds = _solved(((1.0 - np.eye(BLOCKS)) @ parts).reshape(BLOCKS, size, size))
     return float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((folds - folds.mean()) ** 2)))
+
+
+def gain_of(motion: Motion, rows: NDArray[np.bool_]) -> float:
+    """How many times a row's share of the squares a latency takes from the residuals of some rows (N,).
+
+    What an F test of it would compare, were the residuals independent. Rows that were left out are no witnesses: few
+    of them hide a slow hand's lag among their own errors.
+    """
+    chosen = rows & motion.usable
+    size = motion.parameters + 2
+    summed = motion.moments[chosen].sum(axis=0)
+    freedom = 2 * int(np.count_nonzero(chosen)) - size + 1
+    if freedom <= 0:
+        return 0.0
+    kept = np.delete(np.arange(size), -2)
+    without, left = _left(summed[np.ix_(kept, kept)]), _left(summed)
+    return (without - left) * freedom / max(left, float(np.finfo(float).tiny))
+
+
+def _left(moments: Array) -> float:
+    """Sum of the squares that least squares leave of the last column, by the others' (k + 1, k + 1) moments."""
+    information, pull = moments[:-1, :-1], moments[:-1, -1]
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(information), np.finfo(float).tiny))
+    scaled = ridged(information * scale[:, None] * scale)
+    return float(moments[-1, -1] - (pull * scale) @ np.linalg.solve(scaled, pull * scale))
 
 
 def _solved(moments: Array) -> Array:

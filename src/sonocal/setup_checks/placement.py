@@ -13,7 +13,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
-from sonocal.registration.mirrored import mirrored_volume
+from sonocal.registration.mirrored import mirrored_finding, mirrored_volume
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
@@ -118,15 +118,8 @@ def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
         return
     agree, others = int(evidence.inlier.sum()), int(other.inlier.sum())
     rms_mm = float(np.sqrt(np.mean(other.residuals_mm[other.inlier] ** 2)))
-    yield Diagnostic(
-        code="flipped-image",
-        severity="warning",
-        message=(
-            f"the volume fits better when it is mirrored: {others} instead of {agree} rows agree, with "
-            f"{rms_mm:.2f} instead of {evidence.rms_mm:.2f} mm rms"
-        ),
-        advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
-    )
+    otherwise = f"{agree} as they stand, with {rms_mm:.2f} instead of {evidence.rms_mm:.2f} mm rms"
+    yield mirrored_finding(others, len(other.inlier), otherwise)
 
 
 def _mirrored_fit(evidence: Evidence) -> Fit | None:

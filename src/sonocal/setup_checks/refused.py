@@ -10,7 +10,7 @@ import numpy as np
 from sonocal.findings import DECISIVE, Diagnostic, warnings_first
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import nearly_degenerate
-from sonocal.registration.mirrored import mirrored_volume
+from sonocal.registration.mirrored import mirrored_finding, mirrored_volume
 from sonocal.registration.options import Model
 from sonocal.registration.rows import PointLineRows
 from sonocal.setup_checks.lag_search import find_lag
@@ -53,21 +53,12 @@ def check_late(refused: Refused) -> Iterator[Diagnostic]:
 
 
 def check_mirrored(refused: Refused) -> Iterator[Diagnostic]:
-    """A volume that fits once it is mirrored."""
+    """A volume that fits once it is mirrored; where it fits nothing as it stands, the refusal says so itself."""
     if refused.table.dimension != 3 or nearly_degenerate(refused.table) is not None:
         return
     fit = quick_fit(mirrored_volume(refused.table), refused.threshold_mm)
-    if fit is None or not np.mean(fit.inlier) > GOOD_SHARE:
-        return
-    yield Diagnostic(
-        code="flipped-image",
-        severity="warning",
-        message=(
-            f"the volume fits when it is mirrored along one axis: {np.count_nonzero(fit.inlier)} of {len(fit.inlier)} "
-            "rows agree then"
-        ),
-        advice="one axis of the volume runs the wrong way; check the order and the direction of u, v and w",
-    )
+    if fit is not None and np.mean(fit.inlier) > GOOD_SHARE:
+        yield mirrored_finding(int(np.count_nonzero(fit.inlier)), len(fit.inlier))
 
 
 # Checks whose finding explains a refusal, those first that leave least doubt. Each gets what was refused and gives

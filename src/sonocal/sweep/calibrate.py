@@ -36,10 +36,10 @@ from sonocal.sweep.options import (
     of_calibrate,
     telling_threshold_mm,
 )
+from sonocal.sweep.pose_errors import with_pose_errors
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
-from sonocal.sweep.tracker_offset import with_tracker_offset
 from sonocal.targets import Line, require_lines
 
 __all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
@@ -147,7 +147,7 @@ class Sweep:
         with suspects.explaining():
             found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
         judged = suspects.judging(found.calibration, found.used, found.sightings)
-        wider = with_tracker_offset(judged, found.observations, self.recording, self.options.posing)
+        wider = with_pose_errors(judged, found.observations, self.recording, self.options.posing)
         recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
 
@@ -207,7 +207,7 @@ def calibrate_points(
     found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
         sightings.diagnostics
     )
-    found = with_tracker_offset(found, sightings.observations, recording, asked.posing)
+    found = with_pose_errors(found, sightings.observations, recording, asked.posing)
     return _as_recorded(found, recording, lines, asked.probe), sightings.observations
 
 

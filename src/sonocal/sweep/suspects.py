@@ -14,7 +14,7 @@ from sonocal.calibration.options import Options
 from sonocal.calibration.refusals import leading_with
 from sonocal.calibration.rows import point_line_rows
 from sonocal.detection import Detections
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.errors import DegenerateGeometryError, InputError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array
 from sonocal.observations import Observations
@@ -64,6 +64,8 @@ class Suspects:
         """Within it, a refusal leads with what explains it."""
         try:
             yield
+        except MirroredVolumeError:  # which says itself what it comes from
+            raise
         except (NoConsensusError, DegenerateGeometryError) as error:
             if found := self.findings(getattr(error, "best_count", None)):
                 error.explained(found, leading_with(found, error.refusal or str(error)))

@@ -17,7 +17,7 @@ from sonocal.registration.mapped import MappedRows
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.sweep.tabulate import Posing
 
-__all__ = ["with_tracker_offset"]
+__all__ = ["probe_from_tracker", "with_tracker_offset"]
 
 TRACKER = "Tracker"
 # Once in two thousand sound recordings; and what is no matter in practice.
@@ -41,10 +41,10 @@ def with_tracker_offset(
         recording: whose items are the rows' frames.
         posing: which tool the probe's marker is, and what is fixed beside the recording's poses.
     """
-    rotations = _probe_from_tracker(recording, posing)
-    if rotations is None or calibration.covariance is None:
+    poses = probe_from_tracker(recording, posing)
+    if poses is None or calibration.covariance is None:
         return calibration
-    each = rotations[rows.frame]
+    each = poses[rows.frame, :3, :3]
     known = calibration.inlier & np.isfinite(each).all(axis=(1, 2))
     mapped = MappedRows(calibration.probe_from_image, point_line_rows(rows))
     found = fixed_offset(mapped, known, each, len(calibration.covariance))
@@ -57,15 +57,15 @@ def with_tracker_offset(
     )
 
 
-def _probe_from_tracker(recording: Recording, posing: Posing) -> Array | None:
-    """(N, 3, 3), NaN without a pose; None where the recording has no pose of the probe in another frame."""
+def probe_from_tracker(recording: Recording, posing: Posing) -> Array | None:
+    """(N, 4, 4), NaN without a pose; None where the recording has no pose of the probe in another frame."""
     own = (poses.target for poses in recording.poses.values() if poses.source.lower() == posing.probe.lower())
     for frame in (TRACKER, *own):
         try:
             poses = recording.between(posing.probe, frame, posing.fixed, posing.on_invalid)
         except InputError:
             continue
-        return np.asarray(poses.matrices[:, :3, :3])
+        return poses.matrices
     return None
 
 

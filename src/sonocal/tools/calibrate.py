@@ -115,7 +115,7 @@ def calibrate_tool(
         axis = calibrate_spin(poses.matrices, poses.valid, spin.name)
     needle = _needle(points, axis, length_mm, name, tool)
     findings = list(needle.diagnostics) if needle is not None else []
-    parts = [p for p in (*points, axis) if isinstance(p, (PivotCalibration, SpinCalibration))]
+    parts = [part for part in (*points, axis) if part is not None]
     findings += _unit_findings([part for part in (first, second, spin) if part is not None], tool, needle)
     findings += [found for part in parts for found in part.diagnostics if found not in findings]
     findings.sort(key=lambda found: found.severity != "warning")

@@ -14,6 +14,7 @@ from sonocal.recording import Poses
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import Line
 from sonocal.tools.pivot import PivotCalibration
+from sonocal.tools.poses import counted, distinct_poses
 from sonocal.tools.spin import SpinCalibration
 
 __all__ = [
@@ -53,12 +54,14 @@ class DigitisedPoint:
     Attributes:
         point_mm: (3,), in the tool marker's frame.
         covariance: (3, 3), mm^2, of a single sample: samples of one touch share their error.
-        samples: how many frames took part.
+        samples: how many frames took part; of poses that are equal to the last digit one.
+        diagnostics: what to know before use.
     """
 
     point_mm: Array
     covariance: Array
     samples: int
+    diagnostics: tuple[Diagnostic, ...] = ()
 
 
 def needle_from_axis(
@@ -194,14 +197,15 @@ def digitise_point(
         on_invalid: what to do with poses that are not rigid.
 
     Raises:
-        InputError: too few valid poses.
+        InputError: too few valid, distinct poses.
         DegenerateGeometryError: the stylus did not rest ("moving").
     """
     usable = tool_from_stylus.usable(tool_from_stylus.plus_name, on_invalid)
-    matrices = usable.matrices[usable.valid]
+    used, repeats = distinct_poses(usable.matrices, usable.valid, usable.plus_name)
+    matrices = usable.matrices[used]
     if len(matrices) < LEAST_SAMPLES:
         raise InputError(
-            f"{usable.plus_name}: has {len(matrices)} valid poses of the touch; {LEAST_SAMPLES} are needed"
+            f"{usable.plus_name}: the touch has {counted(used, usable.valid)}; {LEAST_SAMPLES} are needed"
         )
     points = matrices[:, :3, :3] @ np.asarray(tip_mm, dtype=float) + matrices[:, :3, 3]
     middle = np.median(points, axis=0)
@@ -212,4 +216,4 @@ def digitise_point(
             "rest; record again, or give the frames of the touch alone",
             "moving",
         )
-    return DigitisedPoint(middle, np.cov(points.T), len(points))
+    return DigitisedPoint(middle, np.cov(points.T), len(points), repeats)

@@ -48,7 +48,7 @@ class PivotCalibration:
         pivot_mm: (3,), where the tip rested, in the tracker's frame.
         covariance: (6, 6) of (tip, pivot), mm^2; counts that neighbouring poses share their error.
         rms_mm, max_mm: distances of the tip from the pivot over the agreeing poses.
-        inlier: (N,): the poses that agree.
+        inlier: (N,): the poses that agree; of those that are equal to the last digit the first.
         spread_deg: rms angle of the tool about the axis it turned least about.
         diagnostics: what to know before use.
     """
@@ -85,11 +85,11 @@ def calibrate_pivot(
         source: what messages call the recording.
 
     Raises:
-        InputError: too few poses, or one is not rigid.
+        InputError: too few distinct poses, or one is not rigid.
         DegenerateGeometryError: the tool was still ("still") or hardly tilted ("little-tilt").
         NoConsensusError: less than half of the poses share a tip.
     """
-    poses, used = checked_poses(tracker_from_tool, valid, source)
+    poses, used, repeats = checked_poses(tracker_from_tool, valid, source)
     rotations, places = poses[used, :3, :3], poses[used, :3, 3]
     refuse_still(rotations, source)
     start = fit.least_median(rotations, places, np.random.default_rng(seed), source)
@@ -113,7 +113,7 @@ def calibrate_pivot(
         covariance=covariance,
     )
     return PivotCalibration(
-        tip, pivot, covariance, rms, float(distance[agrees].max()), inlier, spread, tuple(findings)
+        tip, pivot, covariance, rms, float(distance[agrees].max()), inlier, spread, (*repeats, *findings)
     )
 
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import DegenerateGeometryError, InputError
+from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.recording.poses import RIGID_TOLERANCE, rigidity_error
+from sonocal.recording.poses import FROZEN_RUN, RIGID_TOLERANCE, longest_run, repeated, rigidity_error
 
 __all__ = [
     "LEAST_POSES",
     "LEAST_SPREAD_DEG",
     "checked_poses",
+    "counted",
+    "distinct_poses",
     "refuse_little_tilt",
     "refuse_still",
     "rotation_spread_deg",
@@ -25,17 +30,23 @@ LEAST_SPREAD_DEG = 2.0
 STILL_DEG = 1.0
 
 
-def checked_poses(poses: ArrayLike, valid: ArrayLike | None, source: str) -> tuple[Array, NDArray[np.bool_]]:
-    """The poses as an array, and which of them to use; refuses too few and those that are not rigid."""
+def checked_poses(
+    poses: ArrayLike, valid: ArrayLike | None, source: str
+) -> tuple[Array, NDArray[np.bool_], tuple[Diagnostic, ...]]:
+    """The poses as an array, which of them to use, and what to know of the others.
+
+    Refuses too few and those that are not rigid.
+    """
     array = np.asarray(poses, dtype=float)
     if array.ndim != 3 or array.shape[1:] != (4, 4):
         raise InputError(f"{source}: poses must have shape (N, 4, 4); got {array.shape}")
-    used = np.isfinite(array).all(axis=(1, 2))
+    usable = np.isfinite(array).all(axis=(1, 2))
     if valid is not None:
-        used &= np.asarray(valid, dtype=bool)
+        usable &= np.asarray(valid, dtype=bool)
+    used, findings = distinct_poses(array, usable, source)
     if used.sum() < LEAST_POSES:
         raise InputError(
-            f"{source}: has {used.sum()} valid poses; a tool calibration needs {LEAST_POSES}, better 200"
+            f"{source}: has {counted(used, usable)}; a tool calibration needs {LEAST_POSES}, better 200"
         )
     bent = used & ~(rigidity_error(array) <= RIGID_TOLERANCE)
     if bent.any():
@@ -44,7 +55,41 @@ def checked_poses(poses: ArrayLike, valid: ArrayLike | None, source: str) -> tup
             f"{source}, frame {i}: its pose is not rigid (det R = {np.linalg.det(array[i, :3, :3]):.3g}); "
             "drop such frames with --on-invalid skip"
         )
-    return array, used
+    return array, used, findings
+
+
+def distinct_poses(
+    matrices: Array, usable: NDArray[np.bool_], source: str
+) -> tuple[NDArray[np.bool_], tuple[Diagnostic, ...]]:
+    """Of the poses (N, 4, 4) to use those that count: of some that are equal to the last digit the first.
+
+    Returns:
+        (N,) which they are, and what to know of the others.
+    """
+    used = usable.copy()
+    used[usable] = ~repeated(matrices[usable])
+    return used, tuple(_repeats(used, usable, source))
+
+
+def _repeats(used: NDArray[np.bool_], usable: NDArray[np.bool_], source: str) -> Iterator[Diagnostic]:
+    count, run = int(usable.sum() - used.sum()), longest_run(~used[usable])
+    if not count:
+        return
+    yield Diagnostic(
+        code="frozen-poses" if run >= FROZEN_RUN else "repeated-poses",
+        severity="warning" if run >= FROZEN_RUN else "info",
+        message=(
+            f"{source}: {count} of {usable.sum()} poses repeat one that came before to the last digit, up to {run} in "
+            "a row; each was counted once"
+        ),
+        advice="the tracker or recorder stalled there, or is slower than the recording: such poses are no measurements",
+    )
+
+
+def counted(used: NDArray[np.bool_], usable: NDArray[np.bool_]) -> str:
+    """How many poses there are, and how many of them count."""
+    repeats = "" if used.sum() == usable.sum() else f", {used.sum()} of them distinct (the tracker stalled)"
+    return f"{usable.sum()} valid poses{repeats}"
 
 
 def rotation_spread_deg(rotations: Array) -> float:

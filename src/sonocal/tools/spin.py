@@ -39,7 +39,7 @@ class SpinCalibration:
         wobble_deg: rms angle between the axis and where the poses put it.
         wobble_mm: rms distance of the axis' point from the line it should stay on.
         turn_deg: rms turn about the axis.
-        inlier: (N,): the poses that agree.
+        inlier: (N,): the poses that agree; of those that are equal to the last digit the first.
         diagnostics: what to know before use.
     """
 
@@ -64,11 +64,11 @@ def calibrate_spin(
         source: what messages call the recording.
 
     Raises:
-        InputError: too few poses, or one is not rigid.
+        InputError: too few distinct poses, or one is not rigid.
         DegenerateGeometryError: the tool hardly turned ("still"), or turned about more than one axis
             ("not-a-spin").
     """
-    poses, used = checked_poses(tracker_from_tool, valid, source)
+    poses, used, repeats = checked_poses(tracker_from_tool, valid, source)
     rotations, places = poses[used, :3, :3], poses[used, :3, 3]
     axis, direction, agrees = _robust_axis(rotations)
     values = np.linalg.svd(rotations[agrees].mean(axis=0), compute_uv=False)
@@ -80,7 +80,7 @@ def calibrate_spin(
     inlier = np.zeros(len(poses), dtype=bool)
     inlier[np.flatnonzero(used)[agrees]] = True
     covariance = _covariance(rotations[agrees], axis, direction)
-    findings = tuple(_findings(turn, wobble_deg, float(agrees.mean())))
+    findings = (*repeats, *_findings(turn, wobble_deg, float(agrees.mean())))
     return SpinCalibration(axis, point, covariance, wobble_deg, wobble_mm, turn, inlier, findings)
 
 
