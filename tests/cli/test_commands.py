@@ -69,7 +69,7 @@ def test_json_is_the_calibration_and_its_verdict_on_stdout_and_nothing_else(tabl
     result = run("calibrate", table, "-o", tmp_path / "out", "--json")
     printed = json.loads(result.stdout)
     assert list(printed.pop("verdict")) == ["level", "headline", "expectation", "reasons", "codes"]
-    assert len(printed.pop("cannot_show")) == 3
+    assert len(printed.pop("cannot_show")) == 4
     assert printed == json.loads((tmp_path / "out" / "calibration.json").read_text())
 
 
