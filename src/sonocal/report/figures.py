@@ -72,6 +72,7 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
     size = float(np.ptp(calibration.area_px[:, :2], axis=0).max())
     typical = float(np.sqrt(np.mean(residuals**2))) or 1.0
     limit = 2.5 * typical
+    mm_per_px = typical / (0.06 * size)
     drawn = axis.quiver(
         *chosen.points_px[:, :2].T,
         residuals[:, 0],
@@ -79,14 +80,14 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
         residuals[:, 2],
         angles="xy",
         scale_units="xy",
-        scale=typical / (0.06 * size),
+        scale=mm_per_px,
         cmap=LinearSegmentedColormap.from_list("across", ACROSS),
         clim=(-limit, limit),
         width=0.004,
     )
     axis.quiverkey(drawn, 0.78, 1.045, typical, f"{typical:.2f} mm", labelpos="E", fontproperties={"size": 8})
     axis.figure.colorbar(drawn, ax=axis, label="across the image plane, mm", **BAR)
-    tips = chosen.points_px[:, :2] + residuals[:, :2] / drawn.scale
+    tips = chosen.points_px[:, :2] + residuals[:, :2] / mm_per_px
     _image_axes(axis, calibration, tips)
     axis.set_title("Residuals")
 
