@@ -118,3 +118,23 @@ def test_the_scale_has_one_uncertainty_wherever_it_is_told(needles):
     assert len(told) == 3
     assert set(told) == {f"{100 * quantile_95(found.noise.freedom) * (0.03**2 + 1e-6) ** 0.5:.2g}"}
     assert "+-" not in text
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_arrow_of_a_residual_leaves_its_axis(seed):
+    from matplotlib.figure import Figure
+
+    rows = simulate_observations(2, 40, outlier_share=0.3, seed=seed).observations
+    axis = Figure().add_subplot()
+    plot_residuals_over_image(axis, sc.calibrate(rows), rows)
+    arrows = axis.collections[0]
+    tips = arrows.get_offsets() + np.column_stack([arrows.U, arrows.V]) / arrows.scale
+    for ends, limits in zip(tips.T, (axis.get_xlim(), axis.get_ylim()), strict=True):
+        assert min(limits) <= ends.min()
+        assert ends.max() <= max(limits)
+
+
+def test_both_outlines_of_the_loosest_motion_are_named():
+    text = page(sc.calibrate(scans()["outliers"][0]))
+    assert "moved one way" in text
+    assert "and the other" in text

@@ -72,6 +72,7 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
     size = float(np.ptp(calibration.area_px[:, :2], axis=0).max())
     typical = float(np.sqrt(np.mean(residuals**2))) or 1.0
     limit = 2.5 * typical
+    mm_per_px = typical / (0.06 * size)
     drawn = axis.quiver(
         *chosen.points_px[:, :2].T,
         residuals[:, 0],
@@ -79,14 +80,15 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
         residuals[:, 2],
         angles="xy",
         scale_units="xy",
-        scale=typical / (0.06 * size),
+        scale=mm_per_px,
         cmap=LinearSegmentedColormap.from_list("across", ACROSS),
         clim=(-limit, limit),
         width=0.004,
     )
     axis.quiverkey(drawn, 0.78, 1.045, typical, f"{typical:.2f} mm", labelpos="E", fontproperties={"size": 8})
     axis.figure.colorbar(drawn, ax=axis, label="across the image plane, mm", **BAR)
-    _image_axes(axis, calibration)
+    tips = chosen.points_px[:, :2] + residuals[:, :2] / mm_per_px
+    _image_axes(axis, calibration, tips)
     axis.set_title("Residuals")
 
 
@@ -157,16 +159,21 @@ def plot_tilts(axis: Axes, calibration: Calibration, observations: Observations)
     tilt = np.degrees(np.arccos(np.clip(along[:, 2], 0, 1)))
     axis.plot(np.arctan2(along[:, 1], along[:, 0]), tilt, ".", color=FITTED, markersize=4, alpha=0.7)
     axis.set_ylim(0, 90)
-    axis.set_yticks([30, 60, 90], ["30°", "60°", "90°"])
+    axis.set_yticks([30, 60, 90], ["30°", "60°", ""])
+    # Outside the circle, where nothing crosses it.
+    axis.text(np.radians(45), 98, "90°", ha="left", va="top", fontsize="small")
     axis.set_xticks(np.pi / 2 * np.arange(4), ["u", "v", "-u", "-v"])
     # v points down in the image.
     axis.set_theta_direction(-1)  # type: ignore[attr-defined]
     axis.set_title("Needle tilts from the image's normal")
 
 
-def _image_axes(axis: Axes, calibration: Calibration) -> None:
-    low, high = calibration.area_px
+def _image_axes(axis: Axes, calibration: Calibration, shown_px: Array | None = None) -> None:
+    """The image's area, u right and v down, widened to hold further points (N, 2) that are drawn."""
+    low, high = calibration.area_px[:, :2]
     pad = 0.03 * (high - low)
+    if shown_px is not None:
+        low, high = np.minimum(low, shown_px.min(axis=0)), np.maximum(high, shown_px.max(axis=0))
     axis.set(xlim=(low[0] - pad[0], high[0] + pad[0]), ylim=(high[1] + pad[1], low[1] - pad[1]))
     axis.set(xlabel="u, px", ylabel="v, px", aspect="equal")
 

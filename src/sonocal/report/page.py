@@ -122,7 +122,7 @@ def _drawn(calibration: Calibration, observations: Observations | None) -> dict[
             "residuals", map_size, lambda a: figures.plot_residuals_over_image(a, calibration, rows)
         )
         drawn["by_frame"] = _svg(
-            "by_frame", (9.6, 2.6), lambda a: figures.plot_residuals_by_frame(a, calibration, rows, unseen)
+            "by_frame", (7.6, 2.4), lambda a: figures.plot_residuals_by_frame(a, calibration, rows, unseen)
         )
         drawn["needles"] = _svg(
             "needles", (4.6, 4.2), lambda a: views3d.plot_needles(a, calibration, rows), "3d"

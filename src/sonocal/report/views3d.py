@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,10 +73,11 @@ def plot_weak_motion(axis: Axes3D, calibration: Calibration) -> None:
         calibration.probe_from_image, _edge_px(calibration), len(calibration.covariance)
     )
     _draw_image(axis, calibration, INK)
-    for sign, colour in ((1.0, HELD_OUT), (-1.0, FITTED)):
+    for sign, colour, name in ((1.0, HELD_OUT, "moved one way"), (-1.0, FITTED, "and the other")):
         moved = edge + sign * enlarged * (jacobian @ motion.tangent)
-        axis.plot(*moved.T, color=colour, linewidth=1.2, linestyle="--")
+        axis.plot(*moved.T, color=colour, linewidth=1.2, linestyle="--", label=name)
     _finish(axis, edge)
+    axis.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0)
     axis.set_title(f"Loosest motion, {enlarged:.0f} times enlarged")
 
 
@@ -100,13 +100,13 @@ def _draw_image(axis: Axes3D, calibration: Calibration, colour: str) -> None:
     if len(path) > 5:
         for i in range(1, 4):
             axis.plot(*edge[[i, i + 5]].T, color=colour, linewidth=1.2)
-    for end, name in ((1, "u"), (3, "v")):
-        tip = path[0] + 0.35 * (path[end] - path[0])
-        for start, stop in pairwise(calibration.probe_from_image @ np.stack([path[0], tip])):
-            axis.quiver(*start, *(stop - start), color=colour, linewidth=2, arrow_length_ratio=0.3)
-        axis.text(
-            *(calibration.probe_from_image @ (path[0] + 0.45 * (path[end] - path[0]))), name, color=colour
-        )
+    for end, other, name in ((1, 3, "u"), (3, 1, "v")):
+        along, across = path[end] - path[0], path[other] - path[0]
+        # The name stands outside the image, where neither the arrow nor its head is in any view.
+        places = path[0] + np.stack([0.0 * along, 0.35 * along, 0.2 * along - 0.14 * across])
+        start, tip, beside = np.asarray(calibration.probe_from_image @ places)
+        axis.quiver(*start, *(tip - start), color=colour, linewidth=1.6, arrow_length_ratio=0.25)
+        axis.text(*beside, name, color=colour, ha="center", va="center")
 
 
 def _finish(axis: Axes3D, points: Array) -> None:
