@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import importlib.util
 import shutil
 import subprocess
 import sys
@@ -36,6 +37,10 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, default=60, help="for each reader")
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    if importlib.util.find_spec("atheris") is None:
+        parser.error(
+            "Atheris is not installed: pip install atheris (or run scripts/fuzz_calls.py, which needs nothing)"
+        )
     sys.path.insert(0, str(ROOT))
     if arguments.folder:
         fuzz(arguments.readers[0], arguments.seconds, arguments.folder)

@@ -21,6 +21,7 @@ from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import compare, give_verdict, validate
 from tests.builders.damage import KINDS
 from tests.builders.hostile import Hostile
+from tests.builders.readers import READERS, sound_files
 
 OPTIONS: dict[str, list[Any]] = {
     "model": ["similarity", "anisotropic"],
@@ -211,6 +212,15 @@ def commanded(h: Hostile) -> None:
         raise sc.SonocalError("refused")
 
 
+def read(h: Hostile) -> None:
+    """A damaged file of any format, by its reader."""
+    name = h.pick(sorted(READERS))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"input{READERS[name].suffix}"
+        path.write_bytes(damaged(h, h.pick(sound_files(name))))
+        READERS[name].read(path)
+
+
 def damaged(h: Hostile, content: bytes) -> bytes:
     for _ in range(h.pick([0, 1, 2, 4])):
         kind = h.pick(KINDS)
@@ -244,6 +254,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "register again": registered,
     "parse again": parsed,
     "command": commanded,
+    "read": read,
 }
 
 
