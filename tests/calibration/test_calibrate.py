@@ -277,6 +277,11 @@ def test_files_that_are_no_calibration_are_refused(calibration):
         "c.json: is a damaged calibration file (probe_from_image has shape (1, 1) and not (4, 4)); calibrate again"
     )
     assert "covariance has shape (1, 1) and not (7, 7)" in sentence(damaged(calibration, covariance=[[1.0]]))
+    for name in ("area_px", "seen_px"):
+        for corners in ([[0, 0]], [[0, 0], [1, 1e30]], [[5, 5], [4, 9]], [[0], [1]]):
+            assert f"{name} is {[[float(x) for x in one] for one in corners]} and not the least" in sentence(
+                damaged(calibration, **{name: corners})
+            )
     skewed = np.diag([1.0, 2, 3, 1]).tolist()
     assert "a similarity needs a rotation" in sentence(damaged(calibration, probe_from_image=skewed))
 

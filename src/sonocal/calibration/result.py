@@ -274,6 +274,7 @@ def _from_record(record: Record) -> Calibration:
         raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")
     options = _options(record.provenance.get("options", {}), residuals, inlier)
     size = options.image_size_px if record.image_size_px is None else tuple(record.image_size_px)
+    area = _corners("area_px", record.area_px, (2, 3) if size is None else (len(size),))
     return Calibration(
         probe_from_image=_transform(matrix, record),
         model=record.model,
@@ -288,9 +289,9 @@ def _from_record(record: Record) -> Calibration:
             shared_mm=record.sigma.shared_mm,
             drift=record.sigma.drift,
         ),
-        area_px=np.array(record.area_px),
+        area_px=area,
         image_size_px=size,
-        seen_px=None if record.seen_px is None else np.array(record.seen_px),
+        seen_px=None if record.seen_px is None else _corners("seen_px", record.seen_px, area.shape[1:]),
         fit=record.fit,
         test=record.test,
         residuals_mm=residuals,
@@ -300,6 +301,18 @@ def _from_record(record: Record) -> Calibration:
         options=options,
         provenance=record.provenance,
     )
+
+
+def _corners(name: str, given: list[list[float]], dimensions: tuple[int, ...]) -> Array:
+    """(2, d): the least and the greatest corner of an area of one of the dimensions."""
+    corners = np.array(given)
+    if (
+        corners.shape not in [(2, d) for d in dimensions]
+        or not np.all(np.abs(corners) < FURTHEST)
+        or np.any(corners[1] < corners[0])
+    ):
+        raise ValueError(f"{name} is {given} and not the least and the greatest corner of the area, px")
+    return corners
 
 
 def _is_covariance(matrix: Array) -> bool:
