@@ -77,6 +77,17 @@ class Calibration:
             if array is not None:
                 frozen(array)
 
+    def __repr__(self) -> str:
+        scales = self.probe_from_image.scales[: 1 if self.model == "similarity" else 2]
+        expected = "no error is predicted"
+        if self.covariance is not None:
+            worst = self.predicted_errors()[2][:-1].max()
+            expected = f"errors up to {worst:.2g} mm at the corners of the {self.area_name} (95 %)"
+        return (
+            f"<Calibration of a {self.dimension}D probe: {' x '.join(f'{s:.4g}' for s in scales)} mm/px, "
+            f"{self.fit.inliers} of {self.fit.observations} rows, {expected}>"
+        )
+
     @property
     def dimension(self) -> int:
         """2 for a 2D probe, 3 for a 3D probe."""

@@ -61,11 +61,23 @@ def demo(
     reserve_results(output, names)
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
     table, rows = as_file(simulated.observations, "observations.csv")
-    calibration = sonocal.calibrate(rows)
+    try:
+        calibration = sonocal.calibrate(rows)
+    except sonocal.NoConsensusError as refusal:
+        raise sonocal.NoConsensusError(
+            f"{outliers:.0%} of the rows are nonsense on purpose, too many for the others to be told from them "
+            f"(--outliers 0.5 leaves enough): {refusal}",
+            best_count=refusal.best_count,
+        ) from None
     files = {"observations.csv": table, "calibration.json": calibration_json(calibration)}
     files |= report_files(calibration, rows) if report else {}
     write_results(output, files)
     screen = console()
+    if nonsense := round(outliers * len(rows)):
+        screen.print(
+            f"Of {len(rows)} simulated rows some {nonsense} are nonsense on purpose (--outliers {outliers:g}): the "
+            "errors below are the others'.\n"
+        )
     print_calibration(screen, calibration)
     print_truth(screen, calibration, simulated)
     screen.print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)

@@ -82,6 +82,16 @@ class AxisScaled:
         for name in ("rotation", "translation", "scales"):
             object.__setattr__(self, name, frozen(np.array(getattr(self, name), dtype=float)))
 
+    def __repr__(self) -> str:
+        name = type(self).__name__
+        if self.translation.ndim > 1:
+            return f"<{name} of shape {self.translation.shape[:-1]}>"
+        angle = np.degrees(np.arccos(np.clip((np.trace(self.rotation) - 1.0) / 2.0, -1.0, 1.0)))
+        scales = self.scales[:1] if np.ptp(self.scales) == 0 else self.scales
+        place = ", ".join(f"{x:.4g}" for x in self.translation)
+        scale = " x ".join(f"{s:.4g}" for s in scales)
+        return f"<{name}: {scale} mm/px, turned by {angle:.1f} deg, origin at ({place}) mm>"
+
     @property
     def matrix(self) -> Array:
         """(..., 4, 4): ``[[R diag(scales), t], [0, 1]]``."""

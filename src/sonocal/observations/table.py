@@ -101,6 +101,13 @@ class Observations:
     def __len__(self) -> int:
         return len(self.points_px)
 
+    def __repr__(self) -> str:
+        frames, targets = len(np.unique(self.frame)), len(np.unique(self.target))
+        return (
+            f"<Observations of a {self.dimension}D probe: {len(self)} rows, {frames} frames, {targets} "
+            f"target{'s' if targets != 1 else ''}, from {self.source[:40]!r}>"
+        )
+
     @property
     def dimension(self) -> int:
         """2 for a 2D probe, 3 for a 3D probe."""

@@ -120,6 +120,12 @@ class Recording:
     def __len__(self) -> int:
         return len(self.times)
 
+    def __repr__(self) -> str:
+        images = (
+            "no images" if self.image is None else f"images of {' x '.join(map(str, self.image.size_px))} px"
+        )
+        return f"<Recording {self.name[:40]!r}: {len(self)} items, {images}, {len(self.poses)} tracked poses>"
+
     @property
     def name(self) -> str:
         """How messages call it."""
