@@ -277,6 +277,9 @@ def test_files_that_are_no_calibration_are_refused(calibration):
         "c.json: is a damaged calibration file (probe_from_image has shape (1, 1) and not (4, 4)); calibrate again"
     )
     assert "covariance has shape (1, 1) and not (7, 7)" in sentence(damaged(calibration, covariance=[[1.0]]))
+    assert "scale_mm_per_px is [0.0] and not positive" in sentence(
+        damaged(calibration, scale_mm_per_px=[0.0])
+    )
     for name in ("area_px", "seen_px"):
         for corners in ([[0, 0]], [[0, 0], [1, 1e30]], [[5, 5], [4, 9]], [[0], [1]]):
             assert f"{name} is {[[float(x) for x in one] for one in corners]} and not the least" in sentence(
@@ -293,3 +296,12 @@ def test_saving_where_it_cannot_be_leaves_nothing(calibration, tmp_path):
             calibration.save(path)
     assert [p.name for p in tmp_path.iterdir()] == ["folder"]
     assert not list((tmp_path / "folder").iterdir())
+
+
+@pytest.mark.parametrize("stamps", [[0.0, 1e300], [0.0, 1e-300], [5.0, 5.0], [1e18, 1e18 + 256]])
+def test_stamps_that_are_no_time_are_taken_by_their_order(rows, stamps):
+    last, first = np.array(stamps)[::-1]
+    time = np.linspace(first, last, len(rows))
+    time[-1] = last
+    found = sc.calibrate(rows.with_sound(extra={"time_s": time.astype(str)}))
+    assert np.isfinite(found.covariance).all()

@@ -23,6 +23,8 @@ constexpr double kPairsEach = 1.5;
 constexpr double kMostTaken = 0.95;
 // A memory of less than this many frames is hardly one.
 constexpr double kLeastMemory = 0.7;
+// Of rows' own variance: a drift of a thousand times their noise is none, and beyond it rounding takes over.
+constexpr double kMostWander = 1e6;
 // The priors' standard deviation, of logarithms: without it, a flat likelihood would leave no freedom at all.
 constexpr double kPriorWidth = 2.0;
 constexpr double kLeastFreedomLeft = 4.5;
@@ -33,22 +35,25 @@ using Parameters = std::array<double, kParameters>;  // logarithms
 // The likeliest parameters, by a search along the axes with ever smaller steps from the best of a grid.
 class Search {
  public:
-  explicit Search(const DriftingFrames& frames)
-      : frames_(frames), most_memory_(std::log(std::max(2 * frames.span(), 4.0))) {
+  // row_variance: in units of the line's variance, one that a row's own noise alone would give.
+  Search(const DriftingFrames& frames, double row_variance)
+      : frames_(frames),
+        row_variance_(row_variance),
+        most_memory_(std::log(std::max(2 * frames.span(), 4.0))),
+        most_wander_(std::log(kMostWander * row_variance)) {
     own_ = frames.pairs_each() > kPairsEach;
     least_own_ = -kMostTaken / frames.most_weight();
   }
 
-  // In units of the line's variance: one that a row's own noise alone would give.
-  Parameters best(double row_variance) {
+  Parameters best() {
     Parameters at{};
     double least = std::numeric_limits<double>::max();
     for (double memory = std::log(1.5); memory < most_memory_; memory += std::log(3.0))
       for (const double share : {0.03, 0.3, 3.0})
         for (const double own : {0.0, 0.5}) {
           if (!own_ && own > 0) continue;
-          const Parameters tried{std::log(share * row_variance), memory,
-                                 std::log(own * row_variance - least_own_)};
+          const Parameters tried{std::log(share * row_variance_), memory,
+                                 std::log(own * row_variance_ - least_own_)};
           if (const double value = (*this)(tried); value < least) least = value, at = tried;
         }
     for (double step = 0.8; step > 0.02; step *= 0.5)
@@ -66,8 +71,8 @@ class Search {
   }
 
   double operator()(const Parameters& p) const {
-    if (p[kMemory] > most_memory_ || p[kMemory] < std::log(kLeastMemory) || std::abs(p[kWander]) > 40 ||
-        p[kOwn] < -40)
+    if (p[kMemory] > most_memory_ || p[kMemory] < std::log(kLeastMemory) || p[kWander] > most_wander_ ||
+        p[kWander] < -40 || p[kOwn] < -40)
       return std::numeric_limits<double>::max();
     return misfit(p).value;
   }
@@ -80,7 +85,7 @@ class Search {
 
  private:
   const DriftingFrames& frames_;
-  double most_memory_, least_own_ = 0;
+  double row_variance_, most_memory_, most_wander_, least_own_ = 0;
   bool own_;
 };
 
@@ -140,9 +145,9 @@ Drift drift_of(const WhiteResiduals& white, const double* time, const std::int32
     excess = std::max(excess, frames.excess(memory, covariance));
   if (!(excess > kScreened)) return out;
 
-  Search search(frames);
   const double row_variance = static_cast<double>(white.shift.size()) / white.shift.squaredNorm() / 1.5;
-  const Parameters best = search.best(row_variance);
+  Search search(frames, row_variance);
+  const Parameters best = search.best();
   double without = frames.misfit(0, 1, 0).value;
   if (search.has_own())
     for (double own = -1e-2 * search.least_own(); own < row_variance * 1e3; own *= 1.5)

@@ -22,6 +22,11 @@ constexpr int kColumns = DriftingFrames::kColumns;
 // Sums of squares below this part of what they are the difference of are none.
 constexpr double kLostToRounding = 1e-10;
 
+// What a turn by a radian or a scale e times as large costs, in units of what all residuals sum to. Weights
+// do not move with the transform here: an image that shrinks to a point, its needles' ways taken for drift,
+// would explain everything.
+constexpr double kStiffness = 4;
+
 // What the first k columns leave of the sum of squares of the next one, and the log of their determinant:
 // L D L' of the leading part of a symmetric matrix, in place.
 struct Left {
@@ -99,6 +104,8 @@ DriftingFrames::DriftingFrames(const WhiteResiduals& white, const double* time, 
     }
   }
   freedom_ = static_cast<double>(residual.size() - parameters_) - taken_;
+  for (int i = 0; i < parameters_; ++i)
+    if (i < 3 || i >= 6) whole_(i, i) += kStiffness * freedom_;
 }
 
 double DriftingFrames::excess(double memory, const TangentMatrix& covariance) const {

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.geometry import Array
+from sonocal.geometry import FURTHEST, Array
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.rows import PointLineRows
 
@@ -44,5 +44,10 @@ def _time(table: PointLineRows, rows: Observations) -> Array:
         # In volumes a split may be a candidate's rank, which says nothing of when.
         order = table.frame if rows.dimension == 2 else group_codes(rows.frame)
         return np.asarray(order, dtype=float)
-    gaps = np.diff(np.unique(stamps))
-    return np.asarray(stamps / np.median(gaps)) if len(gaps) else np.zeros(len(stamps))
+    instants, instant = np.unique(stamps, return_inverse=True)
+    if len(instants) < 2:
+        return np.zeros(len(stamps))
+    # Stamps of 1e300 s are no time: their order is.
+    if np.ptp(instants) >= FURTHEST * np.median(np.diff(instants)):
+        return np.asarray(instant, dtype=float)
+    return np.asarray((stamps - instants[0]) / np.median(np.diff(instants)))

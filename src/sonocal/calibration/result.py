@@ -272,6 +272,8 @@ def _from_record(record: Record) -> Calibration:
         raise ValueError(
             f"scale_mm_per_px has {len(record.scale_mm_per_px)} entries for the {record.model} model"
         )
+    if not all(0 < scale < FURTHEST for scale in record.scale_mm_per_px):
+        raise ValueError(f"scale_mm_per_px is {record.scale_mm_per_px} and not positive")
     covariance = None if record.covariance is None else np.array(record.covariance)
     parameters = 6 + _scale_count(record.model)
     if covariance is not None and covariance.shape != (parameters, parameters):
