@@ -252,7 +252,10 @@ def parse_calibration(content: bytes, name: str) -> Calibration:
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FormatError(f"{name}: is not a calibration file ({error}); name the calibration.json") from None
     if head.get("format") != FORMAT:
-        raise FormatError(f"{name}: is JSON but not a calibration; its format is {head.get('format')!r}")
+        raise FormatError(
+            f"{name}: is JSON but not a calibration: its format is {head.get('format')!r} where it must be {FORMAT!r}; "
+            "name the calibration.json that sonocal calibrate wrote"
+        )
     if isinstance(head.get("version"), int) and head["version"] > VERSION:
         raise UnsupportedError(
             f"{name}: has version {head['version']} of the calibration format and this sonocal reads up to "

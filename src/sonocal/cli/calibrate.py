@@ -192,20 +192,17 @@ def _refuse_mixture(*, recording: bool, given: bool) -> None:
 
 def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) -> Result:
     import sonocal
-    from sonocal.cli.formats import kind_of
+    from sonocal.cli.formats import kind_of, require_kind
 
     if source.is_dir():
         raise InputError(
             f"{source}: is a directory; name a table of sightings in it, or say with --lines what its images show"
         )
-    if (kind := kind_of(source)) == "recording":
+    if kind_of(source) == "recording":
         raise InputError(
             f"{source.name}: is a recording; say with --lines which needle or wires were seen in it"
         )
-    if kind not in ("observations", None):
-        raise InputError(
-            f"{source.name}: is a file of kind {kind!r}; give a table of sightings (CSV), or a recording with --lines"
-        )
+    require_kind(source, ("observations",), "give a table of sightings (CSV), or a recording with --lines")
     rows = sonocal.read_observations(source)
     try:
         return Result(rows, sonocal.calibrate(rows, **options), {})

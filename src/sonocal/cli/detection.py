@@ -124,6 +124,7 @@ def detect(
     At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
     """
     from sonocal import detection
+    from sonocal.cli.formats import lines_in
     from sonocal.cli.from_recording import looking
     from sonocal.files import write_atomically
     from sonocal.files.png import png
@@ -132,14 +133,13 @@ def detect(
     from sonocal.sweep import Posing, tabulate
     from sonocal.sweep.calibrate import no_candidates
     from sonocal.sweep.contact_sheet import contact_sheet
-    from sonocal.targets import read_lines
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
     files = [output, *([] if sheet is None else [sheet])]
     reserve(*files)
     loaded = read_recording(recording, options["poses"], options["latency_s"], options["on_invalid"])
-    known, fixed = read_lines(lines)
+    known, fixed = lines_in(lines)
     with progress("detecting") as report:
         look = detection.DetectionOptions(**looking(loaded, options))
         found = detection.detect(loaded, look, report)

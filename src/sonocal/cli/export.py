@@ -56,7 +56,7 @@ def export(
     slicer  the same for 3D Slicer: in LPS, and the inverse, as its files are
     json    the calibration file, brought up to date
     """  # noqa: D301 - click leaves the lines below the escape alone
-    from sonocal.calibration import load_calibration
+    from sonocal.cli.formats import calibration_in
     from sonocal.cli.screen.parts import verdict_text
     from sonocal.files import write_atomically
     from sonocal.validation import give_verdict
@@ -64,7 +64,7 @@ def export(
     if form != "plus" and into is not None:
         raise click.UsageError("--into is for --to plus")
     reserve(output)
-    loaded = load_calibration(calibration)
+    loaded = calibration_in(calibration)
     verdict = give_verdict(loaded)
     if verdict.level == "stop" and not force:
         raise InputError(

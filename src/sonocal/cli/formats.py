@@ -6,11 +6,11 @@ calibrations are listed here, since their rooms are heavy: they are imported whe
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sonocal.errors import UnsupportedError
+from sonocal.errors import InputError, UnsupportedError
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
 from sonocal.targets.formats import FORMATS as TARGETS
@@ -18,10 +18,12 @@ from sonocal.targets.formats import FORMATS as TARGETS
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.detection import Detections
+    from sonocal.geometry import Array
     from sonocal.observations import Observations
+    from sonocal.targets import Line
     from sonocal.validation import PointSightings
 
-__all__ = ["FORMATS", "format_of", "kind_of", "table"]
+__all__ = ["FORMATS", "calibration_in", "format_of", "kind_of", "lines_in", "require_kind", "table"]
 
 
 def format_of(path: Path) -> Format:
@@ -43,6 +45,55 @@ def kind_of(path: Path) -> Kind | None:
     """What is in a file; None where it is in no format that sonocal reads."""
     found = recognise(Head.of(path), FORMATS)
     return None if found is None else found.kind
+
+
+def require_kind(path: Path, wanted: tuple[Kind, ...], advice: str) -> None:
+    """Raise if a file is known to be something else; damaged files are left to their reader's sentences.
+
+    Args:
+        path: a file; of a directory its reader speaks.
+        wanted: what it may be.
+        advice: what to give instead.
+
+    Raises:
+        InputError: it cannot be read, or is of another kind.
+    """
+    if path.is_dir():
+        return
+    head = Head.of(path)
+    found = recognise(head, FORMATS)
+    if found is not None and found.kind not in wanted:
+        raise InputError(f"{path.name}: is {_KINDS[found.kind]}; {advice}")
+    if head.is_page:
+        raise InputError(f"{path.name}: is {head.looks_like} and not {_KINDS[wanted[0]]}; {advice}")
+
+
+def calibration_in(path: Path) -> Calibration:
+    """The calibration in a file that the command line was given.
+
+    Raises:
+        InputError: the file cannot be read, or is something else; the sentence says what.
+        FormatError: it is damaged.
+    """
+    from sonocal.calibration import load_calibration
+
+    require_kind(path, ("calibration",), "name the calibration.json that sonocal calibrate wrote")
+    return load_calibration(path)
+
+
+def lines_in(path: Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, str], Array]]:
+    """The needle or wires in a file that the command line was given, as `sonocal.targets.read_lines` reads them.
+
+    Raises:
+        InputError: the file cannot be read, or is something else; the sentence says what.
+        FormatError: it is damaged.
+    """
+    from sonocal.targets import read_lines
+
+    require_kind(
+        path, ("targets", "device set"), "name a file of needles or wires (.toml), or a device set (.xml)"
+    )
+    return read_lines(path)
 
 
 def table() -> str:
@@ -75,6 +126,17 @@ def _what_is_read() -> str:
     return f"{', '.join(files)}, folders of images, and tables with {'; '.join(tables)}"
 
 
+_KINDS: dict[Kind, str] = {
+    "calibration": "a JSON file",
+    "device set": "a device set of PLUS",
+    "known points": "a table of points whose place is known",
+    "observations": "a table of sightings",
+    "points": "a table of points found in images",
+    "recording": "a recording",
+    "targets": "a file of needles, wires or points",
+}
+
+
 def _plural(kind: Kind) -> str:
     return kind if kind.endswith("s") else f"{kind}s"
 
@@ -101,12 +163,6 @@ def _known_points(path: Path) -> PointSightings:
     from sonocal.validation import read_point_sightings
 
     return read_point_sightings(path)
-
-
-def _calibration(path: Path) -> Calibration:
-    from sonocal.calibration import load_calibration
-
-    return load_calibration(path)
 
 
 def _write_calibration(calibration: Calibration, path: Path) -> None:
@@ -158,7 +214,7 @@ CALIBRATIONS: tuple[Format, ...] = (
         kind="calibration",
         suffixes=(".json",),
         sniff=lambda head: head.text.startswith(b"{"),
-        read=_calibration,
+        read=calibration_in,
         holds="all that `sonocal calibrate` found",
         write=_write_calibration,
         writes=(".json",),

@@ -53,14 +53,13 @@ def expected_rotation(path: Path | None) -> Array | None:
     Raises:
         InputError: the file holds none.
     """
-    from sonocal.calibration import load_calibration
-    from sonocal.cli.formats import kind_of
+    from sonocal.cli.formats import calibration_in, kind_of
 
     if path is None:
         return None
-    if kind_of(path) != "device set":
-        return load_calibration(path).probe_from_image.rotation
-    return _of_device_set(path)
+    if kind_of(path) == "device set":
+        return _of_device_set(path)
+    return calibration_in(path).probe_from_image.rotation
 
 
 def _of_device_set(path: Path) -> Array:

@@ -94,16 +94,21 @@ def validate(
         be) or probe_00 ... probe_23 (the probe's pose): projection
         reconstruction accuracy, spread at a fixed cross-wire.
     """  # noqa: D301 - click leaves the lines below the escape alone
-    from sonocal.calibration import load_calibration
+    from sonocal.cli.formats import calibration_in, require_kind
     from sonocal.cli.report import report_files
     from sonocal.files import read_bytes, write_into_folder
     from sonocal.validation.measured import comparison_findings
 
-    found = load_calibration(calibration)
+    found = calibration_in(calibration)
     folder = calibration.parent if output is None else output
     if report:
         _reserve_report(folder, calibration, found)
-    other = None if compare is None else load_calibration(compare)
+    other = None if compare is None else calibration_in(compare)
+    require_kind(
+        table,
+        ("observations", "known points"),
+        "give a table of sightings, or of points whose place is known (CSV)",
+    )
     content = read_bytes(table)
     known = {
         "scanner_mm_per_px": scanner_mm_per_px,

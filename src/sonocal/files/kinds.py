@@ -71,8 +71,15 @@ class Head:
         return tuple(cell.strip() for cell in cells)
 
     @property
+    def is_page(self) -> bool:
+        """Whether it is a web page: what a browser saves where a download was refused."""
+        return self.text[:14].lower().startswith((b"<!doctype html", b"<html"))
+
+    @property
     def looks_like(self) -> str:
         """What a file is, in words for a message, where no format claims it."""
+        if self.is_page:
+            return "a web page (HTML), whatever its name says,"
         if not self.content.strip():
             return "an empty file"
         if b"\0" in self.content:
@@ -116,6 +123,8 @@ def recognise(head: Head, formats: Iterable[Format]) -> Format | None:
     A name counts where all formats that share its suffix are of one kind: ``.csv`` alone says nothing of a
     table among tables of several kinds.
     """
+    if head.is_page:
+        return None
     formats = tuple(formats)
     if claimed := next((one for one in formats if one.sniff(head)), None):
         return claimed

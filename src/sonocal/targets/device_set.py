@@ -71,6 +71,8 @@ def parse_xml(name: str, text: str) -> ET.Element:
     Raises:
         FormatError: it declares something, or is not XML.
     """
+    if re.match(r"\s*<(!doctype\s+)?html", text, re.IGNORECASE):
+        raise FormatError(f"{name}: is a web page (HTML) and not a device set; download the file itself")
     if re.search(r"<!(?!--|\[CDATA\[)", text):
         raise FormatError(
             f"{name}: declares a document type or entities, which a device set never needs; delete them"

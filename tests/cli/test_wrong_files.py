@@ -1,0 +1,74 @@
+"""Every command, given a file of every kind that it does not take: one sentence that says what the file is."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import sonocal as sc
+from sonocal.cli.main import main
+from sonocal.files.png import png
+from sonocal.observations import write_observations
+from sonocal.simulation.scene import simulate_observations
+
+PAGE = "<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not found<br></body></html>\n"
+NEEDLE = '[[line]]\nname = "a"\nframe = "Needle"\nfrom_mm = [0.0, 0.0, 0.0]\nto_mm = [0.0, 0.0, -333.0]\n'
+DEVICES = "<PlusConfiguration>\n  <CoordinateDefinitions/>\n</PlusConfiguration>\n"
+# What the sentence must call each file.
+WRONG = {
+    "page.html": "web page",
+    "page.xml": "web page",
+    "page.csv": "web page",
+    "empty.txt": "empty",
+    "folder": "directory",
+    "picture.png": "recording",
+    "other.json": "JSON",
+    "needle.toml": "needles, wires or points",
+    "devices.xml": "device set",
+    "table.csv": "table of sightings",
+    "calibration.json": "JSON",
+}
+TAKEN = {
+    ("calibrate", "{}", "-o", "out"): ("table.csv",),
+    ("calibrate", "table.csv", "-o", "out", "--expected", "{}"): ("calibration.json", "devices.xml"),
+    ("calibrate", "picture.png", "-o", "out", "--lines", "{}"): ("needle.toml", "devices.xml"),
+    ("validate", "{}", "table.csv", "-o", "out"): ("calibration.json",),
+    ("validate", "calibration.json", "{}", "-o", "out"): ("table.csv",),
+    ("validate", "calibration.json", "table.csv", "-o", "out", "--compare", "{}"): ("calibration.json",),
+    ("export", "{}", "--to", "itk", "-o", "out"): ("calibration.json",),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    import numpy as np
+
+    here = tmp_path_factory.mktemp("wrong")
+    rows = simulate_observations(2, 20, seed=1).observations
+    write_observations(rows, here / "table.csv")
+    sc.calibrate(rows).save(here / "calibration.json")
+    for name in ("page.html", "page.xml", "page.csv"):
+        (here / name).write_text(PAGE)
+    (here / "empty.txt").touch()
+    (here / "folder").mkdir()
+    (here / "picture.png").write_bytes(png(np.zeros((30, 40), dtype=np.uint8)))
+    (here / "other.json").write_text(json.dumps({"matrix": [1, 2]}))
+    (here / "needle.toml").write_text(NEEDLE)
+    (here / "devices.xml").write_text(DEVICES)
+    return here
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize("command", TAKEN, ids=" ".join)
+def test_a_file_of_another_kind_is_called_what_it_is(folder, command, wrong, monkeypatch):
+    if wrong in TAKEN[command]:
+        return
+    monkeypatch.chdir(folder)
+    there = sorted(path.name for path in Path().iterdir())
+    done = CliRunner().invoke(main, [word.format(wrong) for word in command])
+    assert done.exit_code == 1, done.output
+    assert done.output.count("\n") == 1
+    assert wrong in done.output
+    assert WRONG[wrong] in done.output or (wrong == "empty.txt" and "truncated" in done.output)
+    assert sorted(path.name for path in Path().iterdir()) == there
