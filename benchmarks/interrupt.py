@@ -5,6 +5,7 @@ python -m benchmarks.interrupt
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 import threading
@@ -38,6 +39,7 @@ def seconds_to_stop(work: Callable[[], object]) -> float:
 
 def main() -> None:
     """Print the table."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     rng = np.random.default_rng(0)
     points, segments = rng.uniform(0, 500, (2000, 2)), 100 * rng.normal(size=(2000, 2, 3))
     rows = sc.Observations(points, segments)

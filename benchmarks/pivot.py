@@ -8,6 +8,7 @@ middle and the last), which the data folder names as the reference, and least sq
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,7 @@ def sonocal(matrices):
 
 def main():
     """Measure and print."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     real = poses()
     n = len(real)
     ways = {

@@ -7,6 +7,7 @@ Prints a table; ratios are what to compare between machines. Times are the best 
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 import tempfile
@@ -111,6 +112,7 @@ def without_zlib_ng(path):
 
 def main():
     """Measure and print."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     with tempfile.TemporaryDirectory() as name:
         path = sweep(Path(name))
         ours, plain, theirs = best(lambda: decode(path)), without_zlib_ng(path), simpleitk(path)

@@ -10,6 +10,7 @@ problem. Ratios of one run mean something, times of two runs hardly.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import time
@@ -350,13 +351,17 @@ def regressions(results: dict[str, dict[str, float]], before: dict[str, dict[str
 
 
 def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--save", action="store_true", help="keep what was measured as the baseline")
+    parser.add_argument("--compare", action="store_true", help="say what got worse than the baseline")
+    asked = parser.parse_args(arguments)
     results = {}
     for solver in [*ours(), *peers()]:
         results[f"{solver.name} ({'4 points' if solver.planar else '2 lines'})"] = measure(solver)
     print(table(results), single_table(), linear_table(), sep="\n\n")
-    if "--save" in arguments:
+    if asked.save:
         BASELINE.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    if "--compare" in arguments:
+    if asked.compare:
         said = regressions(results, json.loads(BASELINE.read_text(encoding="utf-8")))
         print("\n".join(said) or "nothing got slower or less sure")
         return 1 if said else 0
