@@ -95,11 +95,16 @@ def test_every_decision_is_in_the_index():
 
 
 @pytest.mark.parametrize(
-    "name", [path.stem for path in sorted((ROOT / "benchmarks").glob("*.py")) if "__main__" in path.read_text()]
+    "name",
+    [path.stem for path in sorted((ROOT / "benchmarks").glob("*.py")) if "__main__" in path.read_text()],
 )
 def test_a_benchmark_says_what_it_measures_when_asked_for_help(name):
     done = subprocess.run(
-        [sys.executable, "-m", f"benchmarks.{name}", "--help"], cwd=ROOT, capture_output=True, text=True, check=True
+        [sys.executable, "-m", f"benchmarks.{name}", "--help"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert done.stdout.startswith("usage: ")
     assert len(done.stdout.split()) > 15

@@ -120,17 +120,22 @@ def _row(cell: Cell, method: str, stage: str, quantity: str, values: Array) -> R
 
 
 def _quantile(ordered: Array, share: float) -> tuple[float, float, float]:
-    """A quantile of sorted values and its 95 % confidence interval from order statistics.
+    """A quantile of sorted errors and its 95 % confidence interval from order statistics, exact for any number of them.
 
-    Source: Conover, Practical Nonparametric Statistics, section 3.2 (normal approximation of the binomial).
+    From 0, or without end, where there are too few to say: no error of 50 need be beyond the 95 % of all.
+
+    Source: Conover, Practical Nonparametric Statistics, section 3.2.
     """
-    last = len(ordered) - 1
+    from scipy.stats import binom
+
+    count, last = len(ordered), len(ordered) - 1
     at = share * last
-    half = 1.96 * np.sqrt(len(ordered) * share * (1 - share))
     below = ordered[int(at)]
     above = ordered[min(int(at) + 1, last)]
     middle = below if below == above or at == int(at) else below + (at - int(at)) * (above - below)
-    low, high = ordered[max(int(at - half), 0)], ordered[min(int(np.ceil(at + half)), last)]
+    first, end = (int(rank) for rank in binom.ppf([0.025, 0.975], count, share))
+    low = ordered[first - 1] if first > 0 else 0.0
+    high = ordered[end] if end < count else np.inf
     return float(middle), float(low), float(high)
 
 
