@@ -26,11 +26,6 @@ __all__ = ["PARAMETERS", "Registration", "register"]
 
 # Of a similarity: three of rotation, three of translation, one of scale.
 PARAMETERS = 7
-# Log of the false alarms that a consensus may have. Refinement is better than the best of all samples by
-# chance, too: at 0 one random set of 150 lines on planes was accepted.
-LEAST_SURE = -3.0
-# Within a twentieth of the scene's width one in twelve agrees by chance: that 14 of 33 do is one case in 10^7.
-MANY, PLAIN_SHARE, NARROW = 40, 0.4, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +108,7 @@ def register(
     require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
     _refuse_few(constraints)
     if constraints.lines is not None and refine:
-        return _register_lines(constraints, constraints.lines, options)
+        return _register_lines(constraints.lines, options)
     return _register_mix(constraints, options, refine=refine)
 
 
@@ -142,7 +137,7 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
             f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
             best_count=found.inliers,
         )
-    _refuse_chance(constraints, similarity, found.residuals_mm, threshold_mm)
+    _refuse_chance(constraints.core, similarity, found.residuals_mm, threshold_mm)
     return Registration(
         target_from_source=similarity,
         covariance=_covariance(constraints.points[chosen], constraints.planes[chosen], similarity),
@@ -155,18 +150,13 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
 
 
 def _refuse_chance(
-    constraints: Rows, similarity: Similarity, residuals_mm: Array, threshold_mm: float
+    table: _core.Table, similarity: Similarity, residuals_mm: Array, threshold_mm: float
 ) -> None:
-    """Raise if as many correspondences would agree had sources and targets nothing to do with each other.
-
-    Where all agree and none is to spare, any would: there is nothing to test.
-    """
-    if _plainly_more(constraints, similarity, residuals_mm, threshold_mm):
+    """Raise if as many correspondences would agree had sources and targets nothing to do with each other."""
+    found = _core.agreement(table, to_core(similarity), residuals_mm, threshold_mm)
+    if not found.by_chance_alone:
         return
-    found = _core.agreement(constraints.core, to_core(similarity), residuals_mm, threshold_mm)
     count = len(residuals_mm)
-    if found.log_alarms <= LEAST_SURE or (not found.redundant and found.agreeing == count):
-        return
     raise NoConsensusError(
         f"the best similarity brings {found.agreeing} of {count} correspondences within {threshold_mm:.3g} mm of "
         f"their targets, no more than chance would (up to {found.by_chance} of {count}); check that they are "
@@ -175,23 +165,14 @@ def _refuse_chance(
     )
 
 
-def _plainly_more(
-    constraints: Rows, similarity: Similarity, residuals_mm: Array, threshold_mm: float
-) -> bool:
-    """Whether so many of many agree, so much nearer than the scene is wide, that chance need not be counted."""
-    count, agreeing = len(residuals_mm), int(np.count_nonzero(residuals_mm <= threshold_mm))
-    if count < MANY or agreeing - PARAMETERS < PLAIN_SHARE * (count - PARAMETERS):
-        return False
-    return bool(threshold_mm < NARROW * similarity.scale * np.ptp(constraints.points, axis=0).max())
-
-
-def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:
+def _register_lines(lines: PointLineRows, options: Options) -> Registration:
     try:
         fit = fit_point_lines(lines, options)
     except NoConsensusError:
         refuse_degenerate_lines(lines)
         raise
-    if fit.inlier.any() and fit.least_information < SUSPICIOUS_INFORMATION:
+    agreeing = int(np.count_nonzero(fit.inlier))
+    if agreeing and fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(lines, fit.inlier)
         refuse_free_motion(fit.least_information)
     residuals, inlier = fit.residuals_mm, fit.inlier
@@ -199,10 +180,11 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
         residuals = np.sqrt(0.5 * (residuals[::2] ** 2 + residuals[1::2] ** 2))
         inlier = inlier[::2] & inlier[1::2]
     assert isinstance(fit.transform, Similarity)
-    _refuse_chance(constraints, fit.transform, residuals, fit.threshold_mm)
+    if not fit.plain:
+        _refuse_chance(lines.core, fit.transform, residuals, fit.threshold_mm)
     return Registration(
         target_from_source=fit.transform,
-        covariance=_line_covariance(fit),
+        covariance=_line_covariance(fit, 2 * agreeing - PARAMETERS),
         residuals_mm=residuals,
         inlier=inlier,
         threshold_mm=fit.threshold_mm,
@@ -211,8 +193,7 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
     )
 
 
-def _line_covariance(fit: Fit) -> Array | None:
-    spare = 2 * np.count_nonzero(fit.inlier) - PARAMETERS
+def _line_covariance(fit: Fit, spare: int) -> Array | None:
     if spare <= 0:
         return None
     if fit.weighting == "likelihood":
