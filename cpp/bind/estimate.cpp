@@ -76,7 +76,7 @@ struct PyEstimate {
   bool sound = false;  // the transform is one: finite numbers, scales above 0
   bool plain = false;  // so many rows agree that chance need not be counted
   int inliers = 0, samples = 0;
-  double threshold = 0, level_px = 0, level_mm = 0, least_information = 0;
+  double threshold = 0, squared_sum = 0, level_px = 0, level_mm = 0, least_information = 0;
   Out<double> rotation, translation, scales;
   Array residuals_mm, covariance;
   Array jacobian, shift, by_level, white;
@@ -104,6 +104,7 @@ PyEstimate to_python(const Estimate& e) {
   result.inliers = e.inliers;
   result.samples = e.samples;
   result.threshold = e.threshold_mm;
+  result.squared_sum = e.squared_sum;
   result.level_px = e.levels.px;
   result.level_mm = e.levels.mm;
   result.least_information = e.least_information;
@@ -244,6 +245,7 @@ void bind_estimate(nb::module_& m) {
       .def_ro("inliers", &PyEstimate::inliers)
       .def_ro("samples", &PyEstimate::samples)
       .def_ro("threshold", &PyEstimate::threshold)
+      .def_ro("squared_sum", &PyEstimate::squared_sum)
       .def_ro("level_px", &PyEstimate::level_px)
       .def_ro("level_mm", &PyEstimate::level_mm)
       .def_ro("least_information", &PyEstimate::least_information)

@@ -57,6 +57,9 @@ class Estimate:
     def threshold(self) -> float: ...
 
     @property
+    def squared_sum(self) -> float: ...
+
+    @property
     def level_px(self) -> float: ...
 
     @property

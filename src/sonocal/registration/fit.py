@@ -27,6 +27,7 @@ class Fit:
             each image axis, of a segment's end point along each axis. Zero when geometric.
         residuals_mm: (N,): distance of every mapped point to its line.
         inlier: (N,): whether the row was fitted.
+        squares_mm2: sum of squared distances of the rows that the refinement took.
         threshold_mm: rows within this distance agree.
         least_information: least eigenvalue of J'J a row in coordinates of order one; 0: a motion is free.
         samples: how many minimal samples were tried.
@@ -41,6 +42,7 @@ class Fit:
     sigma_mm: float
     residuals_mm: Array
     inlier: NDArray[np.bool_]
+    squares_mm2: float
     threshold_mm: float
     least_information: float
     samples: int
@@ -80,6 +82,7 @@ def fit_of(found: _core.Estimate, options: Options, inlier: NDArray[np.bool_]) -
         sigma_mm=found.level_mm,
         residuals_mm=found.residuals_mm,
         inlier=inlier,
+        squares_mm2=found.squared_sum,
         threshold_mm=found.threshold,
         least_information=found.least_information,
         samples=found.samples,

@@ -96,14 +96,16 @@ def register(
 
     Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
     """
-    options = Options(
-        weighting=weighting,
-        threshold_mm=threshold_mm if robust else np.inf,
-        sigma_px=sigma_px,
-        sigma_mm=sigma_mm,
-        confidence=confidence,
-        max_samples=max_samples,
-        seed=seed,
+    options = Options.known(
+        "similarity",
+        weighting,
+        threshold_mm if robust else np.inf,
+        sigma_px,
+        sigma_mm,
+        confidence,
+        max_samples,
+        Options.exhaustive_samples,
+        seed,
     )
     require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
     _refuse_few(constraints)
@@ -198,8 +200,7 @@ def _line_covariance(fit: Fit, spare: int) -> Array | None:
         return None
     if fit.weighting == "likelihood":
         return fit.covariance
-    residuals = fit.residuals_mm[fit.inlier]
-    return fit.covariance * (float(residuals @ residuals) / spare)
+    return fit.covariance * (fit.squares_mm2 / spare)
 
 
 def _covariance(points: Array, planes: Array, similarity: Similarity) -> Array | None:
