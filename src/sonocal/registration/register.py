@@ -17,7 +17,8 @@ from sonocal.registration.degeneracy import (
     refuse_degenerate_lines,
     refuse_free_motion,
 )
-from sonocal.registration.fit import Fit
+from sonocal.registration.fit import Fit, transform_of
+from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
 from sonocal.registration.options import Options, Weighting
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows, to_core
@@ -36,6 +37,8 @@ class Registration:
         target_from_source: mm from px (or whatever units the two sides have).
         covariance: (7, 7), of the tangent: rotation vector applied on the left (rad), translation (mm), log
             scale; the noise is in it. None where no row is left to estimate the noise.
+        freedom: degrees of freedom that the noise in it is known with: errors are Student's t of so many, and a
+            seventh of their squared size in units of the covariance is F(7, freedom). 0 where there is none.
         residuals_mm: (C,): root mean square distance of each correspondence's points from their targets.
         inlier: (C,): whether the correspondence was fitted.
         threshold_mm: correspondences within this distance agree.
@@ -45,6 +48,7 @@ class Registration:
 
     target_from_source: Similarity
     covariance: Array | None
+    freedom: float
     residuals_mm: Array
     inlier: NDArray[np.bool_]
     threshold_mm: float
@@ -130,25 +134,43 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
             "check that they are matched and in the units meant",
             best_count=found.inliers,
         )
-    similarity = Similarity(found.rotation, found.translation, found.scales[0])
+    similarity = transform_of(found)
+    assert isinstance(similarity, Similarity)
     inlier = found.residuals_mm <= threshold_mm
-    chosen = np.repeat(inlier, np.diff(constraints.first))
-    if chosen.sum() < PARAMETERS:
+    sizes = np.diff(constraints.first)
+    if sizes[inlier].sum() < PARAMETERS:
         raise NoConsensusError(
             f"no similarity brings more than {found.inliers} of {len(inlier)} correspondences within "
             f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
             best_count=found.inliers,
         )
     _refuse_chance(constraints.core, similarity, found.residuals_mm, threshold_mm)
+    covariance = _mix_covariance(constraints, inlier, similarity)
     return Registration(
         target_from_source=similarity,
-        covariance=_covariance(constraints.points[chosen], constraints.planes[chosen], similarity),
+        covariance=covariance.matrix if covariance else None,
+        freedom=covariance.freedom if covariance else 0.0,
         residuals_mm=found.residuals_mm,
         inlier=inlier,
         threshold_mm=threshold_mm,
         samples=found.samples,
         converged=found.converged,
     )
+
+
+def _mix_covariance(
+    constraints: Rows, inlier: NDArray[np.bool_], similarity: Similarity
+) -> Covariance | None:
+    """Of the correspondences that agree.
+
+    Raises:
+        DegenerateGeometryError: they leave a motion free, which those that do not agree seemed to hold.
+    """
+    agreeing = constraints.select(inlier)
+    covariance = covariance_of_mix(agreeing.points, agreeing.planes, agreeing.first, similarity)
+    if covariance is None and len(agreeing) > PARAMETERS:
+        _refuse_free_about(agreeing, similarity)
+    return covariance
 
 
 def _refuse_chance(
@@ -181,12 +203,14 @@ def _register_lines(lines: PointLineRows, options: Options) -> Registration:
     if lines.dimension == 3:  # both points of a line
         residuals = np.sqrt(0.5 * (residuals[::2] ** 2 + residuals[1::2] ** 2))
         inlier = inlier[::2] & inlier[1::2]
+    spare = 2 * agreeing - PARAMETERS
     assert isinstance(fit.transform, Similarity)
     if not fit.plain:
         _refuse_chance(lines.core, fit.transform, residuals, fit.threshold_mm)
     return Registration(
         target_from_source=fit.transform,
-        covariance=_line_covariance(fit, 2 * agreeing - PARAMETERS),
+        covariance=_line_covariance(fit, spare),
+        freedom=_line_freedom(options, spare),
         residuals_mm=residuals,
         inlier=inlier,
         threshold_mm=fit.threshold_mm,
@@ -203,18 +227,10 @@ def _line_covariance(fit: Fit, spare: int) -> Array | None:
     return fit.covariance * (fit.squares_mm2 / spare)
 
 
-def _covariance(points: Array, planes: Array, similarity: Similarity) -> Array | None:
-    """Of the tangent about the source's origin, from the residuals; None without a row to spare."""
-    if len(points) <= PARAMETERS:
-        return None
-    arms = similarity.scale * points @ similarity.rotation.T
-    normals = planes[:, :3]
-    jacobian = np.column_stack([np.cross(arms, normals), normals, np.einsum("ij,ij->i", arms, normals)])
-    residuals = np.einsum("ij,ij->i", arms + similarity.translation, normals) + planes[:, 3]
-    size = np.linalg.norm(jacobian, axis=0)  # columns of order one: the inverse keeps its digits
-    inverse = np.linalg.inv((jacobian / size).T @ (jacobian / size))
-    variance = residuals @ residuals / (len(points) - PARAMETERS)
-    return np.asarray(variance * inverse / np.outer(size, size))
+def _line_freedom(options: Options, spare: int) -> float:
+    """Noise that was given is known."""
+    given = options.weighting == "likelihood" and options.sigma_px and options.sigma_mm
+    return np.inf if given else float(max(spare, 0))
 
 
 def _refuse_few(constraints: Rows) -> None:
@@ -227,7 +243,11 @@ def _refuse_few(constraints: Rows) -> None:
 def _refuse_free(constraints: Rows) -> None:
     """Raise if the rows leave a motion free: whatever the solution, or about one of their solutions."""
     refuse_degenerate_rows(constraints.points, constraints.planes)
-    free = rank(constraints, _any_solution(constraints))
+    _refuse_free_about(constraints, _any_solution(constraints))
+
+
+def _refuse_free_about(constraints: Rows, similarity: Similarity) -> None:
+    free = rank(constraints, similarity)
     if free.rank < PARAMETERS:
         raise DegenerateGeometryError(
             f"the correspondences determine {free.rank} of {PARAMETERS} motions; free: "
