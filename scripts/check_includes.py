@@ -17,7 +17,7 @@ ALLOWED: dict[str, set[str]] = {
     "detection": {"interrupt", "linalg"},
     "solvers": {"interrupt", "linalg", "solvers/lanes"},
     "correspondences": {"linalg", "robust", "solvers"},
-    "estimate": {"interrupt", "linalg", "robust", "solvers"},
+    "estimate": {"interrupt", "linalg", "robust", "solvers", "correspondences"},
     "study": {"linalg", "robust", "solvers", "estimate"},
 }
 INCLUDE = re.compile(r'^#include "sonocal/(?P<room>[\w/]+)/\w+\.hpp"', re.MULTILINE)

@@ -11,6 +11,7 @@
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
 #include "sonocal/correspondences/chance.hpp"
+#include "sonocal/estimate/lines_agreement.hpp"
 #include "sonocal/estimate/white_residuals.hpp"
 
 using namespace nb::literals;
@@ -72,8 +73,10 @@ Transform transform_of(const Rotation& rotation, const Vector& translation, cons
 struct PyEstimate {
   using Array = std::optional<Out<double>>;
   bool found = false, converged = false;
+  bool sound = false;  // the transform is one: finite numbers, scales above 0
+  bool plain = false;  // so many rows agree that chance need not be counted
   int inliers = 0, samples = 0;
-  double threshold = 0, level_px = 0, level_mm = 0, least_information = 0;
+  double threshold = 0, squared_sum = 0, level_px = 0, level_mm = 0, least_information = 0;
   Out<double> rotation, translation, scales;
   Array residuals_mm, covariance;
   Array jacobian, shift, by_level, white;
@@ -87,14 +90,24 @@ auto made(const PyEstimate& e) {
 }
 
 void put(const Transform& transform, PyEstimate& result) {
+  result.sound = transform.rotation.allFinite() && transform.translation.allFinite() &&
+                 transform.scales.allFinite() && transform.scales.minCoeff() > 0;
   result.rotation = to_numpy(transform.rotation);
   result.translation = to_numpy(transform.translation);
   result.scales = to_numpy(transform.scales);
 }
 
 PyEstimate to_python(const Estimate& e) {
-  PyEstimate result{e.found,        e.converged, e.inliers,   e.samples,
-                    e.threshold_mm, e.levels.px, e.levels.mm, e.least_information};
+  PyEstimate result;
+  result.found = e.found;
+  result.converged = e.converged;
+  result.inliers = e.inliers;
+  result.samples = e.samples;
+  result.threshold = e.threshold_mm;
+  result.squared_sum = e.squared_sum;
+  result.level_px = e.levels.px;
+  result.level_mm = e.levels.mm;
+  result.least_information = e.least_information;
   put(e.transform, result);
   result.residuals_mm = to_numpy(PointLines::Column(e.squares.sqrt()).matrix());
   result.covariance = to_numpy(e.covariance);
@@ -105,11 +118,16 @@ PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
   const Table table = bound.lines();
   check_model(table, options);
   Estimate result;
+  bool plain = false;
   {
     nb::gil_scoped_release unlocked;
     result = estimate(table, options);
+    const double limit = result.threshold_mm * result.threshold_mm;
+    plain = result.found && plainly_more(table, result.transform, result.squares.data(), limit);
   }
-  return to_python(result);
+  PyEstimate out = to_python(result);
+  out.plain = plain;
+  return out;
 }
 
 PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transform& start,
@@ -135,7 +153,8 @@ PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, con
     nb::gil_scoped_release unlocked;
     white = white_residuals(table, rows, at, options);
   }
-  PyEstimate result{true, true};
+  PyEstimate result;
+  result.found = result.converged = true;
   result.inliers = static_cast<int>(white.residual.size() / 2);
   result.level_px = options.levels.px;
   result.level_mm = options.levels.mm;
@@ -158,7 +177,12 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
     consensus.exhaustive_samples = 0;
     e = estimate(all, {options.threshold_mm, refine, consensus});
   }
-  PyEstimate result{e.found, e.converged, e.inliers, e.samples, options.threshold_mm};
+  PyEstimate result;
+  result.found = e.found;
+  result.converged = e.converged;
+  result.inliers = e.inliers;
+  result.samples = e.samples;
+  result.threshold = options.threshold_mm;
   put(e.transform, result);
   const Eigen::Map<const Eigen::VectorXd> squares(e.squares.data(),
                                                   static_cast<Eigen::Index>(e.squares.size()));
@@ -166,16 +190,29 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
   return result;
 }
 
-Agreement py_agreement(const BoundTable& bound, const Transform& at, const In<double, nb::ndim<1>>& residuals,
-                       double threshold) {
-  const Correspondences all = bound.planes();
-  require(residuals.shape(0) == static_cast<std::size_t>(all.count),
-          "residuals are not one a correspondence");
-  require(threshold >= 0, "threshold is not a number from 0 on");
-  std::vector<double> squares(residuals.data(), residuals.data() + all.count);
+using Residuals = In<double, nb::ndim<1>>;
+
+std::vector<double> squares_of(const Residuals& residuals, int count) {
+  require(residuals.shape(0) == static_cast<std::size_t>(count), "residuals are not one a correspondence");
+  std::vector<double> squares(residuals.data(), residuals.data() + count);
   for (double& square : squares) square *= square;
+  return squares;
+}
+
+Agreement py_agreement(const BoundTable& bound, const Transform& at, const Residuals& residuals,
+                       double threshold) {
+  require(threshold >= 0, "threshold is not a number from 0 on");
+  const double limit = threshold * threshold;
+  if (bound.of_points_and_lines()) {
+    const Table table = bound.lines();
+    const std::vector<double> squares = squares_of(residuals, sightings_of(table).size());
+    nb::gil_scoped_release unlocked;
+    return agreement(table, at, squares.data(), limit);
+  }
+  const Correspondences all = bound.planes();
+  const std::vector<double> squares = squares_of(residuals, all.count);
   nb::gil_scoped_release unlocked;
-  return agreement(all, at, squares.data(), threshold * threshold);
+  return agreement(all, at, squares.data(), limit);
 }
 
 }  // namespace
@@ -203,9 +240,12 @@ void bind_estimate(nb::module_& m) {
   nb::class_<PyEstimate>(m, "Estimate")
       .def_ro("found", &PyEstimate::found)
       .def_ro("converged", &PyEstimate::converged)
+      .def_ro("sound", &PyEstimate::sound)
+      .def_ro("plain", &PyEstimate::plain)
       .def_ro("inliers", &PyEstimate::inliers)
       .def_ro("samples", &PyEstimate::samples)
       .def_ro("threshold", &PyEstimate::threshold)
+      .def_ro("squared_sum", &PyEstimate::squared_sum)
       .def_ro("level_px", &PyEstimate::level_px)
       .def_ro("level_mm", &PyEstimate::level_mm)
       .def_ro("least_information", &PyEstimate::least_information)
@@ -229,6 +269,7 @@ void bind_estimate(nb::module_& m) {
       .def_ro("by_chance", &Agreement::by_chance)
       .def_ro("share", &Agreement::share)
       .def_ro("log_alarms", &Agreement::log_alarms)
-      .def_ro("redundant", &Agreement::redundant);
+      .def_ro("redundant", &Agreement::redundant)
+      .def_ro("by_chance_alone", &Agreement::by_chance_alone);
   m.def("agreement", &py_agreement, "table"_a, "at"_a, "residuals"_a.noconvert(), "threshold"_a);
 }

@@ -25,6 +25,7 @@ class BoundTable {
   static BoundTable of_planes(Points points, Planes planes, First first);
 
   int rows() const { return rows_; }
+  bool of_points_and_lines() const { return dimension_ != 0; }
   // Each refuses a table of the other kind.
   sonocal::Table lines() const;
   sonocal::Correspondences planes() const;

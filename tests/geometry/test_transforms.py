@@ -109,3 +109,12 @@ def test_points_need_two_or_three_coordinates():
     with pytest.raises(InputError) as caught:
         homogeneous_points(np.zeros((5, 4)))
     assert str(caught.value) == "points must have shape (..., 2) or (..., 3); got (5, 4)"
+
+
+def test_what_is_taken_unchecked_is_neither_copied_nor_written_to():
+    parts = np.eye(3), np.zeros(3), np.full(3, 0.2)
+    found = Similarity.unchecked(*parts)
+    assert found.rotation is parts[0]
+    np.testing.assert_array_equal(found.matrix, Similarity(np.eye(3), np.zeros(3), 0.2).matrix)
+    with pytest.raises(ValueError, match="read-only"):
+        found.scales[0] = 1.0

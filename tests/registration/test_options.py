@@ -136,3 +136,13 @@ def test_the_reusable_checks_give_back_what_they_are_given(number, count):
     assert whole_number("n", count, -5, 5) == count
     with pytest.raises(InputError, match=f"^n must be a whole number from {count + 1} to 9; got {count}$"):
         whole_number("n", count, count + 1, 9)
+
+
+def test_options_that_are_known_are_those_of_their_values_and_types():
+    values = ("similarity", "geometric", 5.0, None, 1, 0.99, 100, 200, 1)
+    assert Options.known(*values) == Options(*values)
+    assert Options.known(*values) is Options.known(*values)
+    with pytest.raises(InputError, match="seed must be a whole number"):
+        Options.known(*values[:-1], True)
+    with pytest.raises(InputError, match="sigma_mm must be a positive number"):
+        Options.known(*values[:4], [1.0], *values[5:])

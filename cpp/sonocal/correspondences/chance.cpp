@@ -146,13 +146,16 @@ class Pairing {
   std::map<Kind, std::vector<int>> kinds_;
 };
 
-// Correspondences of an exact fit: those with the rows that hold seven motions, of a plane only two being
-// worth it (three planes on three planes leave a growth).
-int sample_of(int count, double rows) {
-  return std::clamp(static_cast<int>(std::ceil(kMotions * count / rows)), 1, count);
+}  // namespace
+
+int sample_of(int agreeing, double rows) {
+  return std::clamp(static_cast<int>(std::ceil(kMotions * agreeing / rows)), 1, agreeing);
 }
 
-}  // namespace
+double log_alarms(int count, int agreeing, int sample, double share) {
+  return log_choose(count, sample) + kLogSolutions +
+         log_binomial_tail(agreeing - sample, count - sample, share);
+}
 
 Agreement agreement(const Correspondences& all, const Transform& transform, const double* squares,
                     double limit) {
@@ -166,6 +169,7 @@ Agreement agreement(const Correspondences& all, const Transform& transform, cons
     for (const int c : of_kind) {
       if (!(squares[c] <= limit)) continue;
       chances.push_back(background.share_below(squares[c]));
+      // Of a plane only two rows are worth it: three planes on three planes leave a growth.
       held += kind.points == 3 ? kind.rows - 1 : kind.rows;
     }
   }
@@ -176,17 +180,15 @@ Agreement agreement(const Correspondences& all, const Transform& transform, cons
   if (m == 0) return out;
   const int sample = sample_of(m, held);
   out.redundant = m > sample;
-  const double log_models = log_choose(n, sample) + kLogSolutions;
   const int tried = std::min(m - sample, kMostDistances);
   for (int i = 0; i < tried; ++i) {
     const int j = m - static_cast<int>(static_cast<std::int64_t>(i) * (m - sample) / tried);
-    const double tail = log_binomial_tail(j - sample, n - sample, chances[j - 1]);
-    out.log_alarms = std::min(out.log_alarms, std::log(tried) + log_models + tail);
+    out.log_alarms = std::min(out.log_alarms, std::log(tried) + log_alarms(n, j, sample, chances[j - 1]));
   }
+  out.by_chance_alone = out.log_alarms > kSure && (out.redundant || m < n);
+  if (!out.by_chance_alone) return out;
   out.by_chance = std::min(sample, n);
-  while (out.by_chance < n &&
-         log_models + log_binomial_tail(out.by_chance + 1 - sample, n - sample, out.share) > 0)
-    ++out.by_chance;
+  while (out.by_chance < n && log_alarms(n, out.by_chance + 1, sample, out.share) > 0) ++out.by_chance;
   return out;
 }
 

@@ -34,6 +34,7 @@ void report_as(const PointLines& rows, const Transform& normalised, const Column
   result.transform = n.to_original(normalised);
   rows.squared_distances(normalised, result.squares);
   result.squares *= n.size * n.size;
+  result.squared_sum = (squares <= limit).select(result.squares, 0.0).sum();
   result.covariance =
       TangentMatrix::Constant(kParameters, kParameters, std::numeric_limits<double>::quiet_NaN());
   result.found = true;

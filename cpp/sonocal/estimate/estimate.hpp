@@ -10,6 +10,7 @@ struct Estimate {
   // Of the tangent, original units. Likelihood: with the noise in it. Geometric: for residuals of 1 mm.
   TangentMatrix covariance;
   PointLines::Column squares;  // squared distance of every row, mm^2
+  double squared_sum = 0;      // of the rows that agree, mm^2
   NoiseLevels levels;          // likelihood: px and mm
   double threshold_mm = 0;
   double least_information = 0;  // least eigenvalue of J'J a row in coordinates of order one

@@ -8,7 +8,7 @@ Source: paper section 5.1; Ramalingam and Taguchi 2010.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array, Similarity, real_array
+from sonocal.registration.options import positive_number
+from sonocal.registration.plane_samples import PlaneSamples, joined_samples, normals_of
 from sonocal.registration.rows import PointLineRows
 
 __all__ = [
@@ -50,12 +52,14 @@ class Rows:
         first: (C + 1,): correspondence c has the rows ``first[c]`` up to ``first[c + 1]``.
         lines: the same as points on lines, where all are points of a plane w = 0 on lines, or all are lines
             on lines: what the fastest solvers take.
+        samples: planes of the source among them, and which rows are theirs.
     """
 
     points: Array
     planes: Array
     first: NDArray[np.int32]
     lines: PointLineRows | None = None
+    samples: PlaneSamples | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -68,6 +72,13 @@ class Rows:
             return _core.Table.of_planes(self.points, self.planes, self.first)
         except ValueError as error:
             raise InputError(f"the rows cannot be registered: {error}") from None
+
+    def select(self, chosen: NDArray[np.bool_]) -> Rows:
+        """The rows of the correspondences (C,) that are chosen, as points and planes."""
+        sizes = np.diff(self.first)
+        row = np.repeat(chosen, sizes)
+        first = np.concatenate([[0], np.cumsum(sizes[chosen])]).astype(np.int32)
+        return Rows(self.points[row], self.planes[row], first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,20 +134,26 @@ def line_plane(segments: ArrayLike, planes: ArrayLike) -> Rows:
     return _rows(ends, np.repeat(_unit_planes(planes), 2, axis=0), 2)
 
 
-def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float = 1.0) -> Rows:
+def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float | None = None) -> Rows:
     """Planes (N, 4) on planes (N, 4): three points of the source plane, three rows each.
+
+    The points lie about the place of the plane that is nearest to the centre of all sources, so that the answer
+    moves with the source whatever its origin and axes are; `rows` finds that centre again.
 
     Args:
         source_planes: (N, 4).
         target_planes: (N, 4).
-        size: how far apart the three points lie, px; of the data's size, as it weighs the directions.
+        size: how far the three points lie from their middle, px, which weighs the directions; None: as far as the
+            sources lie from their centre (root mean square).
     """
     source = _unit_planes(source_planes)
-    normals = source[:, :3]
-    axes = _normals(normals)
-    foot = -source[:, 3:] * normals
-    points = np.stack([foot, foot + size * axes[:, 0], foot + size * axes[:, 1]], axis=1)
-    return _rows(points.reshape(-1, 3), np.repeat(_unit_planes(target_planes), 3, axis=0), 3)
+    target = np.repeat(_unit_planes(target_planes), 3, axis=0)
+    if size is not None:
+        size = positive_number("size", size)
+    samples = PlaneSamples(
+        source, np.full(len(source), np.nan if size is None else size), 3 * np.arange(len(source))
+    )
+    return replace(_rows(samples.placed(np.zeros((3 * len(source), 3))), target, 3), samples=samples)
 
 
 def rows(*parts: Rows) -> Rows:
@@ -145,11 +162,14 @@ def rows(*parts: Rows) -> Rows:
         return parts[0]
     starts = np.cumsum([0, *(len(p) for p in parts)])
     first = [p.first[:-1] + start for p, start in zip(parts, starts, strict=False)]
+    points = np.concatenate([p.points for p in parts])
+    samples = joined_samples([p.samples for p in parts], starts[:-1])
     return Rows(
-        np.concatenate([p.points for p in parts]),
+        points if samples is None else samples.placed(points),
         np.concatenate([p.planes for p in parts]),
         np.concatenate([*first, starts[-1:]]).astype(np.int32),
         _together([p.lines for p in parts]),
+        samples,
     )
 
 
@@ -177,7 +197,7 @@ def planes_of_lines(segments: ArrayLike) -> Array:
     ends = _segments(segments)
     along = ends[..., 1, :] - ends[..., 0, :]
     with np.errstate(invalid="ignore", divide="ignore"):
-        normals = _normals(along / np.linalg.norm(along, axis=-1, keepdims=True))
+        normals = normals_of(along / np.linalg.norm(along, axis=-1, keepdims=True))
     offsets = -np.einsum("...ij,...j->...i", normals, ends[..., 0, :])
     return np.concatenate([normals, offsets[..., None]], axis=-1)
 
@@ -312,11 +332,3 @@ def _unit_planes(values: ArrayLike) -> Array:
     if not np.all(lengths > 1.0 / LARGEST):
         raise InputError("a plane needs a normal of non-zero length")
     return np.asarray(planes / lengths)
-
-
-def _normals(directions: Array) -> Array:
-    """Two unit vectors (..., 2, 3) perpendicular to unit directions (..., 3) and to each other."""
-    least = np.abs(directions).argmin(axis=-1)
-    first = np.cross(directions, np.eye(3)[least])
-    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
-    return np.stack([first, np.cross(directions, first)], axis=-2)

@@ -11,7 +11,7 @@ from sonocal import _core
 from sonocal.geometry import Array, AxisScaled, Similarity, segment_directions
 from sonocal.registration.options import Model, Options, Weighting
 
-__all__ = ["Fit", "away_from_lines", "fit_of"]
+__all__ = ["Fit", "away_from_lines", "fit_of", "transform_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +27,12 @@ class Fit:
             each image axis, of a segment's end point along each axis. Zero when geometric.
         residuals_mm: (N,): distance of every mapped point to its line.
         inlier: (N,): whether the row was fitted.
+        squares_mm2: sum of squared distances of the rows that the refinement took.
         threshold_mm: rows within this distance agree.
         least_information: least eigenvalue of J'J a row in coordinates of order one; 0: a motion is free.
         samples: how many minimal samples were tried.
         converged: whether the refinement came to rest.
+        plain: whether so many rows agree that chance need not be counted; False where nobody looked.
     """
 
     transform: AxisScaled
@@ -40,10 +42,12 @@ class Fit:
     sigma_mm: float
     residuals_mm: Array
     inlier: NDArray[np.bool_]
+    squares_mm2: float
     threshold_mm: float
     least_information: float
     samples: int
     converged: bool
+    plain: bool = False
 
     @property
     def model(self) -> Model:
@@ -70,20 +74,31 @@ def away_from_lines(points_mm: Array, segments_mm: Array) -> Array:
 
 def fit_of(found: _core.Estimate, options: Options, inlier: NDArray[np.bool_]) -> Fit:
     """The core's plain struct as a fit."""
-    if options.model == "similarity":
-        transform: AxisScaled = Similarity(found.rotation, found.translation, found.scales[0])
-    else:
-        transform = AxisScaled(found.rotation, found.translation, found.scales)
     return Fit(
-        transform=transform,
+        transform=transform_of(found, options.model),
         options=options,
         covariance=found.covariance,
         sigma_px=found.level_px,
         sigma_mm=found.level_mm,
         residuals_mm=found.residuals_mm,
         inlier=inlier,
+        squares_mm2=found.squared_sum,
         threshold_mm=found.threshold,
         least_information=found.least_information,
         samples=found.samples,
         converged=found.converged,
+        plain=found.plain,
     )
+
+
+def transform_of(found: _core.Estimate, model: Model = "similarity") -> AxisScaled:
+    """The core's transform.
+
+    Raises:
+        InputError: its numbers are none of a transform.
+    """
+    kind = Similarity if model == "similarity" else AxisScaled
+    if found.sound:
+        return kind.unchecked(found.rotation, found.translation, found.scales)
+    scale = found.scales[0] if model == "similarity" else found.scales
+    return kind(found.rotation, found.translation, scale)

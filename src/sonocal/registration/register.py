@@ -17,7 +17,8 @@ from sonocal.registration.degeneracy import (
     refuse_degenerate_lines,
     refuse_free_motion,
 )
-from sonocal.registration.fit import Fit
+from sonocal.registration.fit import Fit, transform_of
+from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
 from sonocal.registration.options import Options, Weighting
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows, to_core
@@ -26,11 +27,6 @@ __all__ = ["PARAMETERS", "Registration", "register"]
 
 # Of a similarity: three of rotation, three of translation, one of scale.
 PARAMETERS = 7
-# Log of the false alarms that a consensus may have. Refinement is better than the best of all samples by
-# chance, too: at 0 one random set of 150 lines on planes was accepted.
-LEAST_SURE = -3.0
-# Within a twentieth of the scene's width one in twelve agrees by chance: that 14 of 33 do is one case in 10^7.
-MANY, PLAIN_SHARE, NARROW = 40, 0.4, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +37,8 @@ class Registration:
         target_from_source: mm from px (or whatever units the two sides have).
         covariance: (7, 7), of the tangent: rotation vector applied on the left (rad), translation (mm), log
             scale; the noise is in it. None where no row is left to estimate the noise.
+        freedom: degrees of freedom that the noise in it is known with: errors are Student's t of so many, and a
+            seventh of their squared size in units of the covariance is F(7, freedom). 0 where there is none.
         residuals_mm: (C,): root mean square distance of each correspondence's points from their targets.
         inlier: (C,): whether the correspondence was fitted.
         threshold_mm: correspondences within this distance agree.
@@ -50,6 +48,7 @@ class Registration:
 
     target_from_source: Similarity
     covariance: Array | None
+    freedom: float
     residuals_mm: Array
     inlier: NDArray[np.bool_]
     threshold_mm: float
@@ -101,19 +100,21 @@ def register(
 
     Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
     """
-    options = Options(
-        weighting=weighting,
-        threshold_mm=threshold_mm if robust else np.inf,
-        sigma_px=sigma_px,
-        sigma_mm=sigma_mm,
-        confidence=confidence,
-        max_samples=max_samples,
-        seed=seed,
+    options = Options.known(
+        "similarity",
+        weighting,
+        threshold_mm if robust else np.inf,
+        sigma_px,
+        sigma_mm,
+        confidence,
+        max_samples,
+        Options.exhaustive_samples,
+        seed,
     )
     require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
     _refuse_few(constraints)
     if constraints.lines is not None and refine:
-        return _register_lines(constraints, constraints.lines, options)
+        return _register_lines(constraints.lines, options)
     return _register_mix(constraints, options, refine=refine)
 
 
@@ -133,19 +134,22 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
             "check that they are matched and in the units meant",
             best_count=found.inliers,
         )
-    similarity = Similarity(found.rotation, found.translation, found.scales[0])
+    similarity = transform_of(found)
+    assert isinstance(similarity, Similarity)
     inlier = found.residuals_mm <= threshold_mm
-    chosen = np.repeat(inlier, np.diff(constraints.first))
-    if chosen.sum() < PARAMETERS:
+    sizes = np.diff(constraints.first)
+    if sizes[inlier].sum() < PARAMETERS:
         raise NoConsensusError(
             f"no similarity brings more than {found.inliers} of {len(inlier)} correspondences within "
             f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
             best_count=found.inliers,
         )
-    _refuse_chance(constraints, similarity, found.residuals_mm, threshold_mm)
+    _refuse_chance(constraints.core, similarity, found.residuals_mm, threshold_mm)
+    covariance = _mix_covariance(constraints, inlier, similarity)
     return Registration(
         target_from_source=similarity,
-        covariance=_covariance(constraints.points[chosen], constraints.planes[chosen], similarity),
+        covariance=covariance.matrix if covariance else None,
+        freedom=covariance.freedom if covariance else 0.0,
         residuals_mm=found.residuals_mm,
         inlier=inlier,
         threshold_mm=threshold_mm,
@@ -154,19 +158,29 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
     )
 
 
-def _refuse_chance(
-    constraints: Rows, similarity: Similarity, residuals_mm: Array, threshold_mm: float
-) -> None:
-    """Raise if as many correspondences would agree had sources and targets nothing to do with each other.
+def _mix_covariance(
+    constraints: Rows, inlier: NDArray[np.bool_], similarity: Similarity
+) -> Covariance | None:
+    """Of the correspondences that agree.
 
-    Where all agree and none is to spare, any would: there is nothing to test.
+    Raises:
+        DegenerateGeometryError: they leave a motion free, which those that do not agree seemed to hold.
     """
-    if _plainly_more(constraints, similarity, residuals_mm, threshold_mm):
+    agreeing = constraints.select(inlier)
+    covariance = covariance_of_mix(agreeing.points, agreeing.planes, agreeing.first, similarity)
+    if covariance is None and len(agreeing) > PARAMETERS:
+        _refuse_free_about(agreeing, similarity)
+    return covariance
+
+
+def _refuse_chance(
+    table: _core.Table, similarity: Similarity, residuals_mm: Array, threshold_mm: float
+) -> None:
+    """Raise if as many correspondences would agree had sources and targets nothing to do with each other."""
+    found = _core.agreement(table, to_core(similarity), residuals_mm, threshold_mm)
+    if not found.by_chance_alone:
         return
-    found = _core.agreement(constraints.core, to_core(similarity), residuals_mm, threshold_mm)
     count = len(residuals_mm)
-    if found.log_alarms <= LEAST_SURE or (not found.redundant and found.agreeing == count):
-        return
     raise NoConsensusError(
         f"the best similarity brings {found.agreeing} of {count} correspondences within {threshold_mm:.3g} mm of "
         f"their targets, no more than chance would (up to {found.by_chance} of {count}); check that they are "
@@ -175,34 +189,28 @@ def _refuse_chance(
     )
 
 
-def _plainly_more(
-    constraints: Rows, similarity: Similarity, residuals_mm: Array, threshold_mm: float
-) -> bool:
-    """Whether so many of many agree, so much nearer than the scene is wide, that chance need not be counted."""
-    count, agreeing = len(residuals_mm), int(np.count_nonzero(residuals_mm <= threshold_mm))
-    if count < MANY or agreeing - PARAMETERS < PLAIN_SHARE * (count - PARAMETERS):
-        return False
-    return bool(threshold_mm < NARROW * similarity.scale * np.ptp(constraints.points, axis=0).max())
-
-
-def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:
+def _register_lines(lines: PointLineRows, options: Options) -> Registration:
     try:
         fit = fit_point_lines(lines, options)
     except NoConsensusError:
         refuse_degenerate_lines(lines)
         raise
-    if fit.inlier.any() and fit.least_information < SUSPICIOUS_INFORMATION:
+    agreeing = int(np.count_nonzero(fit.inlier))
+    if agreeing and fit.least_information < SUSPICIOUS_INFORMATION:
         refuse_degenerate_lines(lines, fit.inlier)
         refuse_free_motion(fit.least_information)
     residuals, inlier = fit.residuals_mm, fit.inlier
     if lines.dimension == 3:  # both points of a line
         residuals = np.sqrt(0.5 * (residuals[::2] ** 2 + residuals[1::2] ** 2))
         inlier = inlier[::2] & inlier[1::2]
+    spare = 2 * agreeing - PARAMETERS
     assert isinstance(fit.transform, Similarity)
-    _refuse_chance(constraints, fit.transform, residuals, fit.threshold_mm)
+    if not fit.plain:
+        _refuse_chance(lines.core, fit.transform, residuals, fit.threshold_mm)
     return Registration(
         target_from_source=fit.transform,
-        covariance=_line_covariance(fit),
+        covariance=_line_covariance(fit, spare),
+        freedom=_line_freedom(options, spare),
         residuals_mm=residuals,
         inlier=inlier,
         threshold_mm=fit.threshold_mm,
@@ -211,28 +219,18 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
     )
 
 
-def _line_covariance(fit: Fit) -> Array | None:
-    spare = 2 * np.count_nonzero(fit.inlier) - PARAMETERS
+def _line_covariance(fit: Fit, spare: int) -> Array | None:
     if spare <= 0:
         return None
     if fit.weighting == "likelihood":
         return fit.covariance
-    residuals = fit.residuals_mm[fit.inlier]
-    return fit.covariance * (float(residuals @ residuals) / spare)
+    return fit.covariance * (fit.squares_mm2 / spare)
 
 
-def _covariance(points: Array, planes: Array, similarity: Similarity) -> Array | None:
-    """Of the tangent about the source's origin, from the residuals; None without a row to spare."""
-    if len(points) <= PARAMETERS:
-        return None
-    arms = similarity.scale * points @ similarity.rotation.T
-    normals = planes[:, :3]
-    jacobian = np.column_stack([np.cross(arms, normals), normals, np.einsum("ij,ij->i", arms, normals)])
-    residuals = np.einsum("ij,ij->i", arms + similarity.translation, normals) + planes[:, 3]
-    size = np.linalg.norm(jacobian, axis=0)  # columns of order one: the inverse keeps its digits
-    inverse = np.linalg.inv((jacobian / size).T @ (jacobian / size))
-    variance = residuals @ residuals / (len(points) - PARAMETERS)
-    return np.asarray(variance * inverse / np.outer(size, size))
+def _line_freedom(options: Options, spare: int) -> float:
+    """Noise that was given is known."""
+    given = options.weighting == "likelihood" and options.sigma_px and options.sigma_mm
+    return np.inf if given else float(max(spare, 0))
 
 
 def _refuse_few(constraints: Rows) -> None:
@@ -245,7 +243,11 @@ def _refuse_few(constraints: Rows) -> None:
 def _refuse_free(constraints: Rows) -> None:
     """Raise if the rows leave a motion free: whatever the solution, or about one of their solutions."""
     refuse_degenerate_rows(constraints.points, constraints.planes)
-    free = rank(constraints, _any_solution(constraints))
+    _refuse_free_about(constraints, _any_solution(constraints))
+
+
+def _refuse_free_about(constraints: Rows, similarity: Similarity) -> None:
+    free = rank(constraints, similarity)
     if free.rank < PARAMETERS:
         raise DegenerateGeometryError(
             f"the correspondences determine {free.rank} of {PARAMETERS} motions; free: "

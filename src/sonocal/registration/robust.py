@@ -74,7 +74,7 @@ def fit_point_lines(rows: PointLineRows, options: Options) -> Fit:
             best_count=found.inliers,
         )
     fit = fit_of(found, options, found.residuals_mm <= found.threshold)
-    if 2 * found.inliers < len(rows):
+    if 2 * found.inliers < len(rows) and not fit.plain:
         _refuse_chance(rows, fit)
     return fit
 

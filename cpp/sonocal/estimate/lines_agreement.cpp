@@ -1,0 +1,92 @@
+#include "sonocal/estimate/lines_agreement.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "sonocal/solvers/gauss_newton.hpp"
+
+namespace sonocal {
+namespace {
+
+// Every source is held against the targets of as many others.
+constexpr int kShifts = 3, kMostPairs = 600;
+// Of a number of rare events: three standard deviations of it, and of none at all.
+constexpr double kMargin = 3.0;
+
+// Mean squared distance of one sighting's points from the line of another.
+double square_between(const Table& table, const Matrix3d& linear, const Vector3d& translation,
+                      const Sightings::Range& source, int target) {
+  const double* ends = table.segments + 6 * static_cast<std::ptrdiff_t>(target);
+  const Eigen::Map<const Vector3d> start(ends), end(ends + 3);
+  const Vector3d along = end - start;
+  double sum = 0;
+  for (const int row : source) {
+    const Eigen::Map<const Vector3d> point(table.points + 3 * static_cast<std::ptrdiff_t>(row));
+    sum += (linear * point + (translation - start)).cross(along).squaredNorm();
+  }
+  return sum / (along.squaredNorm() * source.size());
+}
+
+// How many of so many pairs are within the limit, from three standard deviations above.
+double share_at_most(const Table& table, const Sightings& sightings, const Transform& transform,
+                     double limit) {
+  const Matrix3d linear = transform.linear();
+  const int count = sightings.size(), step = 1 + kShifts * count / kMostPairs;
+  int near = 0, pairs = 0;
+  for (int shift = 0; shift < kShifts; ++shift) {
+    const int away = 1 + (2 * shift + 1) * (count - 1) / (2 * kShifts);
+    for (int i = shift % step; i < count; i += step, ++pairs) {
+      const int target = i + away < count ? i + away : i + away - count;
+      near += square_between(table, linear, transform.translation, sightings[i],
+                             *sightings[target].begin()) <= limit;
+    }
+  }
+  return (near + kMargin * std::sqrt(near + 1.0) + kMargin) / std::max(pairs, 1);
+}
+
+}  // namespace
+
+Agreement agreement(const Table& table, const Transform& transform, const double* squares, double limit) {
+  const Sightings sightings = sightings_of(table);
+  std::vector<double> points, planes;
+  std::vector<std::int32_t> first{0};
+  for (int i = 0; i < sightings.size(); ++i) {
+    for (const int row : sightings[i]) {
+      const Eigen::Map<const Vector3d> point(table.points + 3 * static_cast<std::ptrdiff_t>(row));
+      const double* ends = table.segments + 6 * static_cast<std::ptrdiff_t>(row);
+      const Eigen::Map<const Vector3d> start(ends), end(ends + 3);
+      std::array<PointOnPlane, 2> both;
+      planes_of_line(point, start, (end - start).normalized(), both.data());
+      for (const PointOnPlane& one : both) {
+        points.insert(points.end(), one.point.data(), one.point.data() + 3);
+        planes.insert(planes.end(), one.normal.data(), one.normal.data() + 3);
+        planes.push_back(one.offset);
+      }
+    }
+    first.push_back(static_cast<std::int32_t>(points.size() / 3));
+  }
+  return agreement(Correspondences{points.data(), planes.data(), first.data(), sightings.size()}, transform,
+                   squares, limit);
+}
+
+bool plainly_more(const Table& table, const Transform& transform, const double* squares, double limit) {
+  const Sightings sightings = sightings_of(table);
+  const int count = sightings.size();
+  int agreeing = 0, rows = 0;
+  double furthest = 0;
+  for (int i = 0; i < count; ++i) {
+    double worst = 0;
+    for (const int row : sightings[i]) worst = std::max(worst, squares[row]);
+    if (!(worst <= limit)) continue;
+    ++agreeing;
+    rows += 2 * sightings[i].size();
+    furthest = std::max(furthest, worst);
+  }
+  if (agreeing == 0) return false;
+  const int sample = sample_of(agreeing, rows);
+  if (agreeing <= sample) return false;
+  return log_alarms(count, agreeing, sample, share_at_most(table, sightings, transform, furthest)) <= kSure;
+}
+
+}  // namespace sonocal
