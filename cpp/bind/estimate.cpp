@@ -168,14 +168,25 @@ PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, con
   return result;
 }
 
-PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& options, bool refine) {
+using Residuals = In<double, nb::ndim<1>>;
+// Products of coordinates stay numbers.
+constexpr double kMostScale = 1e30;
+
+PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& options, bool refine,
+                                       double scale, const std::optional<Residuals>& weights) {
   const Correspondences all = bound.planes();
+  require(scale >= 0 && scale < kMostScale, "scale is not a number from 0 on");
+  if (weights) {
+    require(weights->shape(0) == static_cast<std::size_t>(all.count), "weights are not one a correspondence");
+    for (std::size_t i = 0; i < weights->shape(0); ++i)
+      require(weights->data()[i] > 0 && weights->data()[i] <= 1, "weights are not above 0 and up to 1");
+  }
   CorrespondenceEstimate e;
   {
     nb::gil_scoped_release unlocked;
     ConsensusOptions consensus = options.consensus;
     consensus.exhaustive_samples = 0;
-    e = estimate(all, {options.threshold_mm, refine, consensus});
+    e = estimate(all, {options.threshold_mm, refine, scale, weights ? weights->data() : nullptr, consensus});
   }
   PyEstimate result;
   result.found = e.found;
@@ -189,8 +200,6 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
   result.residuals_mm = to_numpy(squares.cwiseSqrt());
   return result;
 }
-
-using Residuals = In<double, nb::ndim<1>>;
 
 std::vector<double> squares_of(const Residuals& residuals, int count) {
   require(residuals.shape(0) == static_cast<std::size_t>(count), "residuals are not one a correspondence");
@@ -263,7 +272,7 @@ void bind_estimate(nb::module_& m) {
   m.def("refine", &py_refine, "table"_a, "chosen"_a.noconvert(), "start"_a, "options"_a);
   m.def("white_residuals", &py_white_residuals, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a);
   m.def("estimate_correspondences", &py_estimate_correspondences, "table"_a, "options"_a, nb::kw_only(),
-        "refine"_a = true);
+        "refine"_a = true, "scale"_a = 0.0, "weights"_a.noconvert() = nb::none());
   nb::class_<Agreement>(m, "Agreement")
       .def_ro("agreeing", &Agreement::agreeing)
       .def_ro("by_chance", &Agreement::by_chance)

@@ -161,6 +161,8 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
         (h.lines()[0] if h.spoils() else h.planes()),
         h.options(),
         refine=h.pick([True, False]),
+        scale=h.number(h.pick([0.0, 0.24])),
+        weights=h.pick([None, h.array(np.full(h.pick([5, 20]), 0.5))]),
     ),
     "agreement": agreement,
     "noise_sums": noise_sums,

@@ -18,8 +18,8 @@ constexpr double kAtRest = 1e-9;
 // Planes of a sample that pass a point so closely, beside all correspondences', meet.
 constexpr double kMeeting = 1e-6;
 
-// Whether the rows hold all seven motions about `a`.
-bool determined(const std::vector<PointOnPlane>& rows, const Transform& a) {
+// Whether the rows hold all seven motions about `a`; of a known scale, the other six.
+bool determined(const std::vector<PointOnPlane>& rows, const Transform& a, bool scale_known) {
   Vector3d centre = Vector3d::Zero();
   for (const auto& row : rows) centre += row.point / static_cast<double>(rows.size());
   double size = 0;
@@ -28,12 +28,12 @@ bool determined(const std::vector<PointOnPlane>& rows, const Transform& a) {
   for (const auto& row : rows) {
     const Vector3d arm = a.rotation * (row.point - centre) / size;
     Eigen::Matrix<double, 7, 1> jacobian;
-    jacobian << arm.cross(row.normal), row.normal, row.normal.dot(arm);
+    jacobian << arm.cross(row.normal), row.normal, scale_known ? 0.0 : row.normal.dot(arm);
     information += jacobian * jacobian.transpose();
   }
   if (!information.allFinite()) return false;
   const SmallVector values = symmetric_eigenvalues(information);
-  return values[0] > kFree * values[6];
+  return values[scale_known ? 1 : 0] > kFree * values[6];
 }
 
 // Root mean square distance of the planes from the point nearest to all of them: nothing but this size tells
@@ -56,7 +56,8 @@ class Estimator {
   using Model = Transform;
   using Models = std::array<Transform, 8>;
 
-  Estimator(const Correspondences& all, double limit) : all_(all), limit_(limit) {
+  Estimator(const Correspondences& all, const CorrespondenceOptions& options)
+      : all_(all), options_(options), limit_(options.threshold * options.threshold) {
     const int rows = all.first[all.count];
     rows_.resize(rows);
     for (int i = 0; i < rows; ++i) rows_[i] = read_row(all.points, all.planes, i);
@@ -85,9 +86,9 @@ class Estimator {
       rows.insert(rows.end(), first, first + size_of(sample[units - 1]));
       if (rows.size() < 7 || !(spread_of(rows) > kMeeting * spread_)) continue;
       int count = three_quadrics(in_turn(sample, units), out, NoRealRoot::kRealPart);
-      count = refine_candidates(rows.data(), static_cast<int>(rows.size()), kCandidateSteps, 0.0, out.data(),
-                                count);
-      const auto free = [&](const Transform& a) { return !determined(rows, a); };
+      count = refine_candidates(rows.data(), static_cast<int>(rows.size()), kCandidateSteps,
+                                options_.fixed_scale, out.data(), count);
+      const auto free = [&](const Transform& a) { return !determined(rows, a, options_.fixed_scale > 0); };
       count = static_cast<int>(std::remove_if(out.begin(), out.begin() + count, free) - out.begin());
       if (count > 0) return count;
     }
@@ -107,9 +108,10 @@ class Estimator {
   // Refined on the correspondences that agree until it and they come to rest; true if they did.
   bool settle(Transform& a, double& score) const {
     optimise(a, score, kFinalRounds, kFinalSteps);
-    const auto rows = rows_of(agreeing(a));
+    const auto rows = rows_of(agreeing(a), true);
     const double before = squared_residuals(rows.data(), static_cast<int>(rows.size()), a);
-    const double after = gauss_newton(rows.data(), static_cast<int>(rows.size()), kFinalSteps, 0.0, a);
+    const double after =
+        gauss_newton(rows.data(), static_cast<int>(rows.size()), kFinalSteps, options_.fixed_scale, a);
     return before - after <= kAtRest * before + 1e-24;
   }
 
@@ -141,10 +143,13 @@ class Estimator {
     return out;
   }
 
-  std::vector<PointOnPlane> rows_of(const std::vector<int>& chosen) const {
+  std::vector<PointOnPlane> rows_of(const std::vector<int>& chosen, bool weighted = false) const {
     std::vector<PointOnPlane> out;
     for (const int c : chosen)
-      out.insert(out.end(), rows_.begin() + all_.first[c], rows_.begin() + all_.first[c + 1]);
+      for (int i = all_.first[c]; i < all_.first[c + 1]; ++i) {
+        const double weight = weighted && options_.weights ? options_.weights[c] : 1.0;
+        out.push_back({rows_[i].point, weight * rows_[i].normal, weight * rows_[i].offset});
+      }
     return out;
   }
 
@@ -154,7 +159,7 @@ class Estimator {
       Transform next = a;
       const auto rows = rows_of(agreeing(a));
       if (rows.size() < 7) break;
-      gauss_newton(rows.data(), static_cast<int>(rows.size()), steps, 0.0, next);
+      gauss_newton(rows.data(), static_cast<int>(rows.size()), steps, options_.fixed_scale, next);
       const double next_score = this->score(next, kInfinity);
       if (!(next_score < score)) break;
       improved = true;
@@ -167,6 +172,7 @@ class Estimator {
   }
 
   const Correspondences& all_;
+  const CorrespondenceOptions& options_;
   const double limit_;
   std::vector<PointOnPlane> rows_;
   double spread_ = 0;
@@ -177,7 +183,7 @@ class Estimator {
 
 CorrespondenceEstimate estimate(const Correspondences& correspondences,
                                 const CorrespondenceOptions& options) {
-  Estimator estimator(correspondences, options.threshold * options.threshold);
+  Estimator estimator(correspondences, options);
   CorrespondenceEstimate result;
   auto best = find_consensus(estimator, options.consensus);
   result.samples = best.samples;

@@ -19,6 +19,8 @@ struct Correspondences {
 struct CorrespondenceOptions {
   double threshold = 5.0;  // of a correspondence's distance; infinite: all agree
   bool refine = true;
+  double fixed_scale = 0;           // where it is known; 0: found
+  const double* weights = nullptr;  // count: what least squares multiplies residuals by; null: all alike
   ConsensusOptions consensus;
 };
 

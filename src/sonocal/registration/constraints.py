@@ -194,7 +194,7 @@ def planes_of_lines(segments: ArrayLike) -> Array:
 
     They need no origin, so a line through it is no special case; the paper's own choice (section 9) is.
     """
-    ends = _segments(segments)
+    ends = _any_segments(segments)
     along = ends[..., 1, :] - ends[..., 0, :]
     with np.errstate(invalid="ignore", divide="ignore"):
         normals = normals_of(along / np.linalg.norm(along, axis=-1, keepdims=True))
@@ -202,13 +202,14 @@ def planes_of_lines(segments: ArrayLike) -> Array:
     return np.concatenate([normals, offsets[..., None]], axis=-1)
 
 
-def rank(constraints: Rows, similarity: Similarity | None = None) -> FreeMotion:
+def rank(constraints: Rows, similarity: Similarity | None = None, *, scale_known: bool = False) -> FreeMotion:
     """How many motions the rows determine near a solution, and which stay free.
 
     Args:
         constraints: the rows.
         similarity: a solution, about which the rows are linearised. Without one only motions are found
             that are free whatever the solution: translation, growth about a point, turns about an axis.
+        scale_known: growth is none of the motions; for linearised rows.
 
     Returns:
         The rank and the free motions' descriptions.
@@ -219,10 +220,11 @@ def rank(constraints: Rows, similarity: Similarity | None = None) -> FreeMotion:
     arms = similarity.scale * (x - x.mean(axis=0)) @ similarity.rotation.T
     arms = arms / max(np.linalg.norm(arms, axis=1).max(initial=0.0), 1e-300)
     jacobian = np.column_stack([np.cross(arms, n), n, np.einsum("ij,ij->i", arms, n)])
-    _, values, right = np.linalg.svd(jacobian, full_matrices=True)
-    values = np.pad(values, (0, 7 - len(values)))[:7]
+    motions = 6 if scale_known else 7
+    _, values, right = np.linalg.svd(jacobian[:, :motions], full_matrices=True)
+    values = np.pad(values, (0, motions - len(values)))[:motions]
     free = right[values <= RANK_TOLERANCE * values[0]]
-    return FreeMotion(7 - len(free), tuple(_describe(v) for v in free))
+    return FreeMotion(motions - len(free), tuple(_describe(np.pad(v, (0, 7 - motions))) for v in free))
 
 
 def refuse_not_finite(points: Array, planes: Array) -> None:
@@ -320,6 +322,13 @@ def _last(values: ArrayLike, size: int, what: str) -> Array:
 
 
 def _segments(values: ArrayLike) -> Array:
+    segments = _any_segments(values)
+    if segments.ndim != 3:
+        raise InputError(f"segments must have shape (N, 2, 3), two points on each line; got {segments.shape}")
+    return segments
+
+
+def _any_segments(values: ArrayLike) -> Array:
     array = _numbers(values, "segments")
     if array.shape[-2:] != (2, 3):
         raise InputError(f"segments must have shape (..., 2, 3), two points on each line; got {array.shape}")

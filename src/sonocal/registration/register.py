@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, require
 from sonocal.geometry import Array, Similarity
+from sonocal.registration.alternatives import alternatives_to
 from sonocal.registration.constraints import Rows, rank, refuse_degenerate_rows
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
@@ -22,6 +25,7 @@ from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
 from sonocal.registration.options import Options, Weighting
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows, to_core
+from sonocal.registration.told import Told, scale_of, weights_of
 
 __all__ = ["PARAMETERS", "Registration", "register"]
 
@@ -54,6 +58,21 @@ class Registration:
     threshold_mm: float
     samples: int
     converged: bool
+    _others: Callable[[], tuple[Similarity, ...]] = field(default=tuple, repr=False)
+
+    @cached_property
+    def alternatives(self) -> tuple[Similarity, ...]:
+        """Other similarities, far from this one, that the correspondences that agree do not exclude; best first.
+
+        Looked for when first read: seven rows have up to eight answers, lines that are nearly parallel two.
+        """
+        return self._others()
+
+    def __repr__(self) -> str:
+        agreeing = int(np.count_nonzero(self.inlier))
+        return (
+            f"<Registration: {self.target_from_source!r}, {agreeing} of {len(self.inlier)} correspondences>"
+        )
 
 
 def register(
@@ -64,7 +83,8 @@ def register(
     weighting: Weighting = "likelihood",
     threshold_mm: float | Literal["auto"] = 5.0,
     sigma_px: float | None = None,
-    sigma_mm: float | None = None,
+    sigma_mm: float | ArrayLike | None = None,
+    scale: float | None = None,
     confidence: float = 0.9999,
     max_samples: int = 10_000,
     seed: int = 0,
@@ -85,7 +105,10 @@ def register(
         threshold_mm: correspondences within this distance agree, in units of the target; "auto" (points or
             lines on lines only): from the noise.
         sigma_px: noise of a source point along every axis, where known; for the likelihood.
-        sigma_mm: noise of a target segment's end point along every axis, where known; for the likelihood.
+        sigma_mm: noise of a target segment's end point along every axis, where known; for the likelihood. (C,): of
+            each correspondence's distance; what counts are their ratios, and distances weigh by them alone.
+        scale: mm per px, where it is known (rigid): the answer has it, its row and column of the covariance are zero.
+            Distances are taken all alike, as of a mix.
         confidence: of having drawn a sample without outliers.
         max_samples: random samples at the most.
         seed: of the random samples.
@@ -94,37 +117,44 @@ def register(
         The registration.
 
     Raises:
-        InputError: a value is not finite, or "auto" is asked of a mix.
+        InputError: a value is not finite, an option means nothing, or "auto" is asked of a mix.
         DegenerateGeometryError: the correspondences leave a motion free; the sentence names it and the rank.
         NoConsensusError: no similarity agrees with enough of them.
 
     Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
     """
+    require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
+    sigmas_mm = None if sigma_mm is None or np.ndim(sigma_mm) == 0 else sigma_mm
     options = Options.known(
         "similarity",
         weighting,
         threshold_mm if robust else np.inf,
         sigma_px,
-        sigma_mm,
+        sigma_mm if sigmas_mm is None else None,
         confidence,
         max_samples,
         Options.exhaustive_samples,
         seed,
     )
-    require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
     _refuse_few(constraints)
-    if constraints.lines is not None and refine:
-        return _register_lines(constraints.lines, options)
-    return _register_mix(constraints, options, refine=refine)
+    if constraints.lines is not None and refine and scale is None and sigmas_mm is None:
+        return _register_lines(constraints, constraints.lines, options)
+    told = Told(
+        None if sigmas_mm is None else weights_of(sigmas_mm, len(constraints.first) - 1),
+        None if scale is None else scale_of(scale),
+    )
+    return _register_mix(constraints, options, told, refine=refine)
 
 
-def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Registration:
+def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bool) -> Registration:
     threshold_mm = options.threshold_mm
     if threshold_mm == "auto":
         raise InputError(
             'threshold_mm="auto" needs points or lines on lines alone; give a mix a threshold in mm'
         )
-    found = _core.estimate_correspondences(constraints.core, options.to_core(0, 0), refine=refine)
+    found = _core.estimate_correspondences(
+        constraints.core, options.to_core(0, 0), refine=refine, scale=told.scale or 0.0, weights=told.weights
+    )
     if not found.found:
         _refuse_free(constraints)
         raise NoConsensusError("no minimal sample of the correspondences has a similarity", best_count=0)
@@ -145,7 +175,7 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
             best_count=found.inliers,
         )
     _refuse_chance(constraints.core, similarity, found.residuals_mm, threshold_mm)
-    covariance = _mix_covariance(constraints, inlier, similarity)
+    covariance = _mix_covariance(constraints, inlier, similarity, told)
     return Registration(
         target_from_source=similarity,
         covariance=covariance.matrix if covariance else None,
@@ -155,21 +185,32 @@ def _register_mix(constraints: Rows, options: Options, *, refine: bool) -> Regis
         threshold_mm=threshold_mm,
         samples=found.samples,
         converged=found.converged,
+        _others=partial(
+            alternatives_to,
+            similarity,
+            covariance.matrix if covariance else None,
+            constraints.select(inlier),
+            weights=told.of_rows(constraints, inlier),
+            scale=told.scale,
+            seed=options.seed,
+        ),
     )
 
 
 def _mix_covariance(
-    constraints: Rows, inlier: NDArray[np.bool_], similarity: Similarity
+    constraints: Rows, inlier: NDArray[np.bool_], similarity: Similarity, told: Told
 ) -> Covariance | None:
     """Of the correspondences that agree.
 
     Raises:
         DegenerateGeometryError: they leave a motion free, which those that do not agree seemed to hold.
     """
-    agreeing = constraints.select(inlier)
-    covariance = covariance_of_mix(agreeing.points, agreeing.planes, agreeing.first, similarity)
+    agreeing, known = constraints.select(inlier), told.scale is not None
+    weights = told.of_rows(constraints, inlier)
+    about = agreeing.points, agreeing.planes, agreeing.first, similarity, weights
+    covariance = covariance_of_mix(*about, scale_known=known)
     if covariance is None and len(agreeing) > PARAMETERS:
-        _refuse_free_about(agreeing, similarity)
+        _refuse_free_about(agreeing, similarity, scale_known=known)
     return covariance
 
 
@@ -189,7 +230,7 @@ def _refuse_chance(
     )
 
 
-def _register_lines(lines: PointLineRows, options: Options) -> Registration:
+def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:
     try:
         fit = fit_point_lines(lines, options)
     except NoConsensusError:
@@ -205,17 +246,21 @@ def _register_lines(lines: PointLineRows, options: Options) -> Registration:
         inlier = inlier[::2] & inlier[1::2]
     spare = 2 * agreeing - PARAMETERS
     assert isinstance(fit.transform, Similarity)
+    similarity, covariance = fit.transform, _line_covariance(fit, spare)
     if not fit.plain:
         _refuse_chance(lines.core, fit.transform, residuals, fit.threshold_mm)
     return Registration(
-        target_from_source=fit.transform,
-        covariance=_line_covariance(fit, spare),
+        target_from_source=similarity,
+        covariance=covariance,
         freedom=_line_freedom(options, spare),
         residuals_mm=residuals,
         inlier=inlier,
         threshold_mm=fit.threshold_mm,
         samples=fit.samples,
         converged=fit.converged,
+        _others=lambda: alternatives_to(
+            similarity, covariance, constraints.select(inlier), seed=options.seed
+        ),
     )
 
 
@@ -246,11 +291,11 @@ def _refuse_free(constraints: Rows) -> None:
     _refuse_free_about(constraints, _any_solution(constraints))
 
 
-def _refuse_free_about(constraints: Rows, similarity: Similarity) -> None:
-    free = rank(constraints, similarity)
-    if free.rank < PARAMETERS:
+def _refuse_free_about(constraints: Rows, similarity: Similarity, *, scale_known: bool = False) -> None:
+    free, wanted = rank(constraints, similarity, scale_known=scale_known), PARAMETERS - scale_known
+    if free.rank < wanted:
         raise DegenerateGeometryError(
-            f"the correspondences determine {free.rank} of {PARAMETERS} motions; free: "
+            f"the correspondences determine {free.rank} of {wanted} motions; free: "
             f"{'; '.join(free.motions)}; add one that holds it",
             code="rank-deficient",
         )
