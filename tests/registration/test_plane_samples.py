@@ -26,9 +26,9 @@ def planes_of(random, count: int):
     return np.column_stack([normals, -np.sum(normals * random.uniform(0, 200, (count, 3)), axis=1)])
 
 
-def noisy(random, planes):
+def noisy(random, planes, noise_mm):
     off = planes + np.column_stack(
-        [2e-3 * random.normal(size=(len(planes), 3)), random.normal(size=len(planes))]
+        [2e-3 * random.normal(size=(len(planes), 3)), noise_mm * random.normal(size=len(planes))]
     )
     return off / np.linalg.norm(off[:, :3], axis=1, keepdims=True)
 
@@ -40,7 +40,7 @@ def test_moving_the_source_of_planes_is_taken_back(points, seed, unit):
     random = np.random.default_rng(seed)
     true, mover = random_similarity(seed % 1000), random_similarity(seed % 991, scale=unit)
     source, places = planes_of(random, 9), random.uniform(0, 200, (points, 3))
-    target = noisy(random, carried(source, true))
+    target = noisy(random, carried(source, true), true.scale)
 
     def registered(source, places):
         mix = reg.rows(reg.plane_plane(source, target), reg.point_point(places, true @ places_there))

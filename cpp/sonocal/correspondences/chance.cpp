@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <utility>
@@ -15,12 +16,21 @@ constexpr int kMostPairs = 1200;
 // A kind of fewer has its sources held against targets of all kinds.
 constexpr int kFewOfAKind = 4;
 // Distances below this many of the pairs' least follow a power law.
-constexpr int kFewestInTail = 8, kTailPart = 50;
+constexpr int kFewestInTail = 8, kTailPart = 10;
 // Distances at which the number of false alarms is looked for.
 constexpr int kMostDistances = 100;
 constexpr double kMotions = 7;
 // Three quadrics have as many solutions.
 const double kLogSolutions = std::log(8.0);
+constexpr double kNever = std::numeric_limits<double>::infinity(), kLeast = 1e-300;
+// Where all agree, less is asked of few rows to spare, which cannot show more: with residuals of this part of
+// the scene's size (root mean square), as noise of half a millimetre in a scene 200 mm wide leaves them; and
+// of planes on planes, that have no size, with one to spare.
+constexpr double kNoise = 5e-3;
+const double kLikelyNoise = std::log(0.05), kLikelyPlanes = std::log(0.01);
+// Residuals of this part of the size: the source has shrunk to where a few targets nearly meet, or says
+// nothing.
+constexpr double kShrunk = 0.2;
 
 struct Kind {
   int rows, points;
@@ -86,6 +96,15 @@ class Pairing {
 
   const std::map<Kind, std::vector<int>>& kinds() const { return kinds_; }
 
+  // Root mean square distance of the mapped points from their centre.
+  double size() const {
+    Vector3d centre = Vector3d::Zero();
+    for (const Vector3d& point : mapped_) centre += point / static_cast<double>(mapped_.size());
+    double sum = 0;
+    for (const Vector3d& point : mapped_) sum += (point - centre).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(mapped_.size()));
+  }
+
   Background background(const Kind& kind, const std::vector<int>& of_kind) const {
     std::vector<int> everything;
     if (of_kind.size() < kFewOfAKind) {
@@ -146,6 +165,69 @@ class Pairing {
   std::map<Kind, std::vector<int>> kinds_;
 };
 
+// A correspondence that agrees.
+struct Agreeing {
+  double chance;   // of a pair to be as near
+  double square;   // of all its rows' distances
+  double density;  // log of what pairs have about no distance at all, by each of its rows
+  int rows, held;  // of a plane only two rows are worth it: three planes on three planes leave a growth
+};
+
+double log_ball(double dimension) {
+  return 0.5 * dimension * std::log(M_PI) - std::lgamma(0.5 * dimension + 1);
+}
+
+std::vector<Agreeing> agreeing_of(const Pairing& pairing, const double* squares, double limit, double& share,
+                                  int count) {
+  std::vector<Agreeing> out;
+  for (const auto& [kind, of_kind] : pairing.kinds()) {
+    const Background background = pairing.background(kind, of_kind);
+    share += background.share_below(limit) * static_cast<double>(of_kind.size()) / count;
+    const std::size_t begin = out.size();
+    double sum = 0;
+    for (const int c : of_kind) {
+      if (!(squares[c] <= limit)) continue;
+      const double square = squares[c] * kind.points;
+      sum += square;
+      out.push_back({background.share_below(squares[c]), square, 0, kind.rows,
+                     kind.points == 3 ? kind.rows - 1 : kind.rows});
+    }
+    const double typical = std::max(sum / static_cast<double>(out.size() - begin), kLeast);
+    const double density = std::log(background.share_below(typical / kind.points)) - log_ball(kind.rows) -
+                           0.5 * kind.rows * std::log(typical);
+    for (std::size_t i = begin; i < out.size(); ++i) out[i].density = density;
+  }
+  std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.chance < b.chance; });
+  return out;
+}
+
+// Sums over the nearest of those that agree.
+struct Nearest {
+  int count = 0, rows = 0;
+  double square = 0, density = 0;
+
+  void add(const Agreeing& one) {
+    ++count;
+    rows += one.rows;
+    square += one.square;
+    density += one.density;
+  }
+  int spare() const { return rows - static_cast<int>(kMotions); }
+  // Log of how many similarities bring so many of all so near by chance: least squares over all rows, whose
+  // residual lies in a ball of as many dimensions as there are rows to spare. All samples of seven rows
+  // together are worth the root of their number (the determinant of J'J is the sum of their squared ones).
+  double log_alarms(int all) const {
+    if (spare() <= 0) return kNever;
+    return log_choose(all, count) + 0.5 * log_choose(rows, kMotions) + log_ball(spare()) +
+           0.5 * spare() * std::log(std::max(square, kLeast)) + spare() * density / rows;
+  }
+  // Whether it is what noise may leave, in all but a few of a hundred.
+  bool like_noise(double deviation) const {
+    const double k = spare();
+    return square <= deviation * deviation * (k + 2 * std::sqrt(2 * k) + 2);
+  }
+};
+
 }  // namespace
 
 int sample_of(int agreeing, double rows) {
@@ -153,7 +235,7 @@ int sample_of(int agreeing, double rows) {
 }
 
 double log_alarms(int count, int agreeing, int sample, double share) {
-  return log_choose(count, sample) + kLogSolutions +
+  return std::log(count - sample) + log_choose(count, sample) + kLogSolutions +
          log_binomial_tail(agreeing - sample, count - sample, share);
 }
 
@@ -161,33 +243,37 @@ Agreement agreement(const Correspondences& all, const Transform& transform, cons
                     double limit) {
   const Pairing pairing(all, transform);
   Agreement out;
-  std::vector<double> chances;
-  double held = 0;
-  for (const auto& [kind, of_kind] : pairing.kinds()) {
-    const Background background = pairing.background(kind, of_kind);
-    out.share += background.share_below(limit) * static_cast<double>(of_kind.size()) / all.count;
-    for (const int c : of_kind) {
-      if (!(squares[c] <= limit)) continue;
-      chances.push_back(background.share_below(squares[c]));
-      // Of a plane only two rows are worth it: three planes on three planes leave a growth.
-      held += kind.points == 3 ? kind.rows - 1 : kind.rows;
-    }
-  }
-  std::sort(chances.begin(), chances.end());
-  const int n = all.count, m = static_cast<int>(chances.size());
+  const std::vector<Agreeing> near = agreeing_of(pairing, squares, limit, out.share, all.count);
+  const int n = all.count, m = static_cast<int>(near.size());
   out.agreeing = m;
-  out.log_alarms = std::numeric_limits<double>::infinity();
+  out.log_alarms = kNever;
   if (m == 0) return out;
+  std::vector<Nearest> sums(m + 1);
+  int held = 0;
+  for (int j = 0; j < m; ++j) {
+    sums[j + 1] = sums[j];
+    sums[j + 1].add(near[j]);
+    held += near[j].held;
+  }
   const int sample = sample_of(m, held);
   out.redundant = m > sample;
+  const double size = pairing.size();
+  const bool shrunk = sums[m].square > sums[m].rows * std::pow(kShrunk * size, 2);
+  const bool one_of_planes = n - sample == 1 && held < sums[m].rows;
   const int tried = std::min(m - sample, kMostDistances);
-  for (int i = 0; i < tried; ++i) {
+  bool sure = false;
+  for (int i = 0; i < tried && !sure && !shrunk; ++i) {
     const int j = m - static_cast<int>(static_cast<std::int64_t>(i) * (m - sample) / tried);
-    out.log_alarms = std::min(out.log_alarms, std::log(tried) + log_alarms(n, j, sample, chances[j - 1]));
+    const double alarms =
+        std::min(log_alarms(n, j, sample, near[j - 1].chance), std::log(n - sample) + sums[j].log_alarms(n));
+    out.log_alarms = std::min(out.log_alarms, alarms);
+    sure = alarms <= kSure || (j == n && alarms <= (sums[j].like_noise(kNoise * size) ? kLikelyNoise
+                                                    : one_of_planes                   ? kLikelyPlanes
+                                                                                      : kSure));
   }
-  out.by_chance_alone = out.log_alarms > kSure && (out.redundant || m < n);
+  out.by_chance_alone = !sure && (out.redundant || m < n);
   if (!out.by_chance_alone) return out;
-  out.by_chance = std::min(sample, n);
+  out.by_chance = m;
   while (out.by_chance < n && log_alarms(n, out.by_chance + 1, sample, out.share) > 0) ++out.by_chance;
   return out;
 }

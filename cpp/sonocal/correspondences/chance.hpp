@@ -5,9 +5,9 @@
 
 namespace sonocal {
 
-// Log of the false alarms that a consensus may have. Refinement is better than the best of all samples by
-// chance, too: at 0 one random set of 150 lines on planes was accepted.
-constexpr double kSure = -3.0;
+// Log of the number of false alarms that a consensus may have: of random sets one of 5000 would pass were the
+// background exact, and one of 1000 does as it is measured.
+constexpr double kSure = -8.5;
 
 struct Agreement {
   int agreeing = 0;        // correspondences within the threshold
@@ -21,12 +21,16 @@ struct Agreement {
 
 // Sources are held against the targets of other correspondences of their kind, under the transform found: the
 // share of these pairs that is as near as a correspondence is how likely chance brings it there. The number
-// of false alarms is that of samples times the binomial tail, at the distance where it is least.
+// of false alarms is the least of two, at the distance where it is least: samples times the binomial tail,
+// and sets of correspondences times the ball that the residual of least squares lies in, times the density of
+// pairs. Few rows to spare cannot show more than one of twenty: that is enough where the residual is like
+// noise.
 //
 // `squares`: of each correspondence, mean squared distance of its points; `limit`: the threshold's square.
 //
 // Source: a-contrario model estimation, Moisan and Stival 2004, with the background measured; distances that
-// choose themselves: Moisan, Moulon and Monasse 2012.
+// choose themselves: Moisan, Moulon and Monasse 2012; the number of least-squares answers with a small
+// residual is Rice's formula (Adler and Taylor 2007, 11.2).
 Agreement agreement(const Correspondences& all, const Transform& transform, const double* squares,
                     double limit);
 

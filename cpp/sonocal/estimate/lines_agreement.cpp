@@ -10,9 +10,9 @@ namespace sonocal {
 namespace {
 
 // Every source is held against the targets of as many others.
-constexpr int kShifts = 3, kMostPairs = 600;
-// Of a number of rare events: three standard deviations of it, and of none at all.
-constexpr double kMargin = 3.0;
+constexpr int kShifts = 4, kMostPairs = 600;
+// Of a number of rare events: two standard deviations of it, and of none at all.
+constexpr double kMargin = 2.0;
 
 // Mean squared distance of one sighting's points from the line of another.
 double square_between(const Table& table, const Matrix3d& linear, const Vector3d& translation,
@@ -28,7 +28,7 @@ double square_between(const Table& table, const Matrix3d& linear, const Vector3d
   return sum / (along.squaredNorm() * source.size());
 }
 
-// How many of so many pairs are within the limit, from three standard deviations above.
+// How many of so many pairs are within the limit, two standard deviations above.
 double share_at_most(const Table& table, const Sightings& sightings, const Transform& transform,
                      double limit) {
   const Matrix3d linear = transform.linear();

@@ -222,6 +222,14 @@ def _refuse_chance(
     if not found.by_chance_alone:
         return
     count = len(residuals_mm)
+    if threshold_mm == np.inf:
+        rms = float(np.sqrt(np.mean(residuals_mm**2)))
+        raise NoConsensusError(
+            f"the best similarity leaves the {count} correspondences {rms:.3g} mm (rms) from their targets, no nearer "
+            "than chance would; check that they are matched and in the units meant, or leave out those that are not "
+            "with robust=True",
+            best_count=found.agreeing,
+        )
     raise NoConsensusError(
         f"the best similarity brings {found.agreeing} of {count} correspondences within {threshold_mm:.3g} mm of "
         f"their targets, no more than chance would (up to {found.by_chance} of {count}); check that they are "
