@@ -9,37 +9,33 @@
 namespace sonocal {
 namespace {
 
-// Every source is held against the targets of as many others.
-constexpr int kShifts = 4, kMostPairs = 600;
+// Pairs that are looked at, about; every source is held against as many targets, two at least where they are
+// few.
+constexpr int kPairs = 120, kMostPairs = 600, kFewestShifts = 2;
 // Of a number of rare events: two standard deviations of it, and of none at all.
 constexpr double kMargin = 2.0;
 
-// Mean squared distance of one sighting's points from the line of another.
-double square_between(const Table& table, const Matrix3d& linear, const Vector3d& translation,
-                      const Sightings::Range& source, int target) {
-  const double* ends = table.segments + 6 * static_cast<std::ptrdiff_t>(target);
-  const Eigen::Map<const Vector3d> start(ends), end(ends + 3);
-  const Vector3d along = end - start;
-  double sum = 0;
-  for (const int row : source) {
-    const Eigen::Map<const Vector3d> point(table.points + 3 * static_cast<std::ptrdiff_t>(row));
-    sum += (linear * point + (translation - start)).cross(along).squaredNorm();
-  }
-  return sum / (along.squaredNorm() * source.size());
-}
-
-// How many of so many pairs are within the limit, two standard deviations above.
+// How many of so many pairs are within the limit, two standard deviations above: of a sighting's points, by
+// the mean of their squared distances from another's line.
 double share_at_most(const Table& table, const Sightings& sightings, const Transform& transform,
                      double limit) {
   const Matrix3d linear = transform.linear();
-  const int count = sightings.size(), step = 1 + kShifts * count / kMostPairs;
+  const int count = sightings.size(), shifts = std::max(kFewestShifts, 1 + kPairs / count);
+  const int step = 1 + shifts * count / kMostPairs;
   int near = 0, pairs = 0;
-  for (int shift = 0; shift < kShifts; ++shift) {
-    const int away = 1 + (2 * shift + 1) * (count - 1) / (2 * kShifts);
+  for (int shift = 0; shift < shifts; ++shift) {
+    const int away = 1 + (2 * shift + 1) * (count - 1) / (2 * shifts);
     for (int i = shift % step; i < count; i += step, ++pairs) {
-      const int target = i + away < count ? i + away : i + away - count;
-      near += square_between(table, linear, transform.translation, sightings[i],
-                             *sightings[target].begin()) <= limit;
+      const int other = i + away < count ? i + away : i + away - count;
+      const double* ends = table.segments + 6 * static_cast<std::ptrdiff_t>(*sightings[other].begin());
+      const Eigen::Map<const Vector3d> start(ends), end(ends + 3);
+      const Vector3d along = end - start, offset = transform.translation - start;
+      double sum = 0;
+      for (const int row : sightings[i]) {
+        const Eigen::Map<const Vector3d> point(table.points + 3 * static_cast<std::ptrdiff_t>(row));
+        sum += (linear * point + offset).cross(along).squaredNorm();
+      }
+      near += sum <= limit * along.squaredNorm() * sightings[i].size();
     }
   }
   return (near + kMargin * std::sqrt(near + 1.0) + kMargin) / std::max(pairs, 1);
