@@ -74,7 +74,8 @@ def radius_95(covariances: Array, freedom: float = np.inf) -> Array:
 
     mean = np.trace(covariances, axis1=-2, axis2=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        terms = mean**2 / np.sum(covariances**2, axis=(-2, -1))  # 1: along one line; 3: alike all round
+        shares = covariances / mean[..., None, None]
+        terms = 1.0 / np.sum(shares**2, axis=(-2, -1))  # 1: along one line; 3: alike all round
         ratio = (
             2.0 * gammaincinv(terms / 2, 0.95) / terms if np.isinf(freedom) else fdtri(terms, freedom, 0.95)
         )
