@@ -266,7 +266,10 @@ def test_files_that_are_no_calibration_are_refused(calibration):
         return str(caught.value)
 
     assert sentence(b"{").startswith("c.json: is not a calibration file (")
-    assert sentence(b"{}") == "c.json: is JSON but not a calibration; its format is None"
+    assert sentence(b"{}") == (
+        "c.json: is JSON but not a calibration: its format is None where it must be 'sonocal-calibration'; name the "
+        "calibration.json that sonocal calibrate wrote"
+    )
     assert sentence(damaged(calibration, version=99), sc.UnsupportedError) == (
         "c.json: has version 99 of the calibration format and this sonocal reads up to 1; update sonocal"
     )
