@@ -3,6 +3,7 @@
 import importlib
 import json
 import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -78,6 +79,10 @@ def test_every_file_beside_the_registry_is_a_format_of_it():
     assert sorted(map(id, RECORDINGS)) == sorted(id(module.FORMAT) for module in formats)
 
 
+# Of a calibration: when it was written, to the second.
+CREATED = re.compile(rb'"created": "[^"]*"')
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_sound_file_is_claimed_by_its_format_alone(sound, name):
     for path in sound[name]:
@@ -143,7 +148,7 @@ def test_what_is_written_is_read_again(sound, name, suffix, tmp_path):
         assert format_of(first) is one
         one.write(again, second)
         if suffix != ".mhd":  # names its data file
-            assert first.read_bytes() == second.read_bytes()
+            assert CREATED.sub(b"", first.read_bytes()) == CREATED.sub(b"", second.read_bytes())
 
 
 def test_a_writer_says_which_names_it_writes_and_they_are_its_own():
