@@ -28,7 +28,7 @@ bool determined(const std::vector<PointOnPlane>& rows, const Transform& a, bool 
   for (const auto& row : rows) {
     const Vector3d arm = a.rotation * (row.point - centre) / size;
     Eigen::Matrix<double, 7, 1> jacobian;
-    jacobian << arm.cross(row.normal), row.normal, scale_known ? 0.0 : row.normal.dot(arm);
+    jacobian << cross(arm, row.normal), row.normal, scale_known ? 0.0 : row.normal.dot(arm);
     information += jacobian * jacobian.transpose();
   }
   if (!information.allFinite()) return false;

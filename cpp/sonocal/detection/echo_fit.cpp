@@ -1,6 +1,5 @@
 #include "sonocal/detection/echo_fit.hpp"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -28,7 +27,7 @@ constexpr double kAmbiguous = 1.2;  // between the two readings, from which both
 struct Paraboloid {
   bool found = false;
   Eigen::Vector2d top;
-  Eigen::Matrix2d curvature;
+  Eigen::Matrix2d curvature, shape;  // the one is the other's inverse
 };
 
 template <class Keep>
@@ -48,9 +47,13 @@ Paraboloid fit(const std::vector<EchoPixel>& pixels, Keep keep) {
   if (count < kLeastPixels) return out;
   const Vector6 c = Ldlt<6>(normal).solve(right);
   out.curvature << -c[3], -0.5 * c[4], -0.5 * c[4], -c[5];
-  const double det = out.curvature.determinant();
-  out.found = out.curvature.trace() > 0 && det > 1e-9;
-  if (out.found) out.top = 0.5 * out.curvature.inverse() * c.segment<2>(1);
+  const Eigen::Matrix2d& k = out.curvature;
+  const double det = k(0, 0) * k(1, 1) - k(0, 1) * k(1, 0);
+  out.found = k(0, 0) + k(1, 1) > 0 && det > 1e-9;
+  if (!out.found) return out;
+  out.shape << k(1, 1) / det, -k(0, 1) / det, -k(1, 0) / det, k(0, 0) / det;
+  out.top << 0.5 * (out.shape(0, 0) * c[1] + out.shape(0, 1) * c[2]),
+      0.5 * (out.shape(1, 0) * c[1] + out.shape(1, 1) * c[2]);
   return out;
 }
 
@@ -59,7 +62,7 @@ Paraboloid fit(const std::vector<EchoPixel>& pixels, Keep keep) {
 EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast, double unit) {
   Paraboloid echo = fit(pixels, [](const EchoPixel&) { return true; });
   for (int round = 0; round < kRounds && echo.found; ++round) {
-    if (contrast * echo.curvature.inverse()(1, 1) < kLeastHeight * kLeastHeight) break;
+    if (contrast * echo.shape(1, 1) < kLeastHeight * kLeastHeight) break;
     const Eigen::Vector2d down = echo.curvature.col(1);
     const double least = kBeyond * std::sqrt(contrast * echo.curvature(1, 1));
     const Paraboloid upper = fit(
@@ -70,12 +73,11 @@ EchoFit fit_echo(const std::vector<EchoPixel>& pixels, double contrast, double u
   EchoFit out;
   out.found = echo.found;
   if (!out.found) return out;
-  const Eigen::Matrix2d shape = echo.curvature.inverse();
   const double half_height = std::sqrt(contrast / echo.curvature(1, 1)) / unit;
   const double pull = std::clamp(kPull * (half_height - kMerged), 0.0, kGreatestPull);
   out.u = echo.top[0], out.v = echo.top[1] - unit * pull;
   if (pull + kPush >= kAmbiguous) out.deeper = unit * (pull + kPush);
-  out.uu = shape(0, 0), out.uv = shape(0, 1), out.vv = shape(1, 1);
+  out.uu = echo.shape(0, 0), out.uv = echo.shape(0, 1), out.vv = echo.shape(1, 1);
   return out;
 }
 

@@ -33,7 +33,7 @@ double share_at_most(const Table& table, const Sightings& sightings, const Trans
       double sum = 0;
       for (const int row : sightings[i]) {
         const Eigen::Map<const Vector3d> point(table.points + 3 * static_cast<std::ptrdiff_t>(row));
-        sum += (linear * point + offset).cross(along).squaredNorm();
+        sum += cross(linear * point + offset, along).squaredNorm();
       }
       near += sum <= limit * along.squaredNorm() * sightings[i].size();
     }

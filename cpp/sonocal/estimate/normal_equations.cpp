@@ -1,6 +1,5 @@
 #include "sonocal/estimate/normal_equations.hpp"
 
-#include <Eigen/Geometry>
 #include <cmath>
 #include <type_traits>
 
@@ -83,8 +82,7 @@ template <int kParameters>
 Transform retract(const Transform& a, const Eigen::Matrix<double, kParameters, 1>& step) {
   Transform out = a;
   const Vector3d w = step.template head<3>();
-  const double angle = w.norm();
-  if (angle > 0) out.rotation = Eigen::AngleAxisd(angle, w / angle).toRotationMatrix() * a.rotation;
+  out.rotation = product(rotation_by(w), a.rotation);
   out.translation += step.template segment<3>(3);
   if (kParameters == 7) {
     out.scales *= std::exp(step[6]);

@@ -1,6 +1,5 @@
 #include "sonocal/estimate/point_lines.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 

@@ -76,7 +76,7 @@ class PointLines {
   Vector3d normal(int i, int plane) const { return normals_[plane].row(i).matrix(); }
   double offset(int i, int plane) const { return offsets_[plane][i]; }
   // A line by the point of it that is nearest to the origin, and its direction.
-  Vector3d direction(int i) const { return normal(i, 0).cross(normal(i, 1)); }
+  Vector3d direction(int i) const { return cross(normal(i, 0), normal(i, 1)); }
   Vector3d foot(int i) const { return -(offset(i, 0) * normal(i, 0) + offset(i, 1) * normal(i, 1)); }
 
   // Where a segment's middle is along its direction, and half its length.

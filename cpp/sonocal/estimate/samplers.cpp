@@ -1,6 +1,5 @@
 #include "sonocal/estimate/samplers.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 
 #include "sonocal/solvers/four_points.hpp"

@@ -14,7 +14,7 @@ using TangentSquare = Eigen::Matrix<double, kMostParameters, kMostParameters>;
 // Derivative of a residual n . (S x + h t) by the tangent of so many parameters.
 TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s,
                              int parameters) {
-  const Vector3d sx = s * x, turned = sx.cross(n);
+  const Vector3d sx = s * x, turned = cross(sx, n);
   const bool alike = parameters == 7;
   TangentRow j;
   for (int i = 0; i < 3; ++i) {

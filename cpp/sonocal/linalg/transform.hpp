@@ -2,7 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
+
+#include "sonocal/linalg/rotation.hpp"
 
 namespace sonocal {
 
@@ -40,8 +41,8 @@ inline Matrix3d cross_matrix(const Vector3d& v) {
 inline void perpendicular_basis(const Vector3d& direction, Vector3d& n1, Vector3d& n2) {
   int smallest;
   direction.cwiseAbs().minCoeff(&smallest);
-  n1 = direction.cross(Vector3d::Unit(smallest)).normalized();
-  n2 = direction.cross(n1);
+  n1 = cross(direction, Vector3d::Unit(smallest)).normalized();
+  n2 = cross(direction, n1);
 }
 
 }  // namespace sonocal

@@ -29,6 +29,9 @@ struct Consensus {
   int samples = 0;
 };
 
+// Units scored between two looks at the clock, which takes as long as scoring some ten of them.
+inline constexpr int kUnitsALook = 16'384;
+
 double combinations(int n, int k);
 // The next combination of `size` out of n in lexicographic order; false after the last.
 bool next_combination(Sample& sample, int size, int n);
@@ -58,10 +61,10 @@ Consensus<typename Estimator::Model> find_consensus(Estimator& estimator, const 
   Random random(options.seed);
   Sample sample{0, 1, 2, 3, 4, 5, 6};
   typename Estimator::Models models;
+  const int samples_a_look = std::max(1, kUnitsALook / n);
   double needed = all ? combinations(n, size) : options.max_samples;
   while (best.samples < needed) {
-    // The clock is read for some of them only: a sample may take no longer than that.
-    if (++best.samples % 16 == 0) allow_interrupt();
+    if (++best.samples % samples_a_look == 0) allow_interrupt();
     if (!all) estimator.draw(random, sample);
     const int count = estimator.solve(sample, random, models);
     bool improved = false;

@@ -1,10 +1,10 @@
 #include "sonocal/solvers/gauss_newton.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 
 #include "sonocal/linalg/ldlt.hpp"
+#include "sonocal/linalg/product.hpp"
 
 namespace sonocal {
 namespace {
@@ -28,7 +28,7 @@ Linearised linearise(const PointOnPlane* rows, int count, const Vector3d& image_
     const Vector3d arm = a.scales[0] * (a.rotation * (rows[i].point - image_centre));
     const Vector3d& n = rows[i].normal;
     Vector7d row;
-    row << arm.cross(n) * unit, n, n.dot(arm) * unit;
+    row << cross(arm, n) * unit, n, n.dot(arm) * unit;
     const double residual = n.dot(arm + centre) + rows[i].offset;
     out.matrix.noalias() += row * row.transpose();
     out.right.noalias() -= row * residual;
@@ -39,16 +39,10 @@ Linearised linearise(const PointOnPlane* rows, int count, const Vector3d& image_
 Transform retract(const Transform& a, const Vector7d& step, double unit, const Vector3d& image_centre) {
   Transform out = a;
   const Vector3d turn = step.head<3>() * unit;
-  const double angle = turn.norm();
-  if (angle > 0) out.rotation = Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() * a.rotation;
+  out.rotation = product(rotation_by(turn), a.rotation);
   out.scales *= std::exp(step[6] * unit);
   out.translation = a.apply(image_centre) + step.segment<3>(3) - out.linear() * image_centre;
   return out;
-}
-
-// Products of rotations drift; the nearest unit quaternion does not.
-void orthonormalise(Transform& a) {
-  a.rotation = Eigen::Quaterniond(a.rotation).normalized().toRotationMatrix();
 }
 
 }  // namespace
@@ -104,7 +98,7 @@ double gauss_newton(const PointOnPlane* rows, int count, int steps, double fixed
     }
     if (!better) break;
   }
-  orthonormalise(a);
+  a.rotation = orthonormal(a.rotation);
   return cost;
 }
 

@@ -1,9 +1,8 @@
 #include "sonocal/solvers/linear.hpp"
 
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <cmath>
 
+#include "sonocal/linalg/ldlt.hpp"
 #include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
@@ -49,7 +48,7 @@ bool project_to_similarity(const Matrix3d& s, bool planar, Transform& out) {
   out.rotation.col(1) = second / r11;
   out.rotation.col(1) -= out.rotation.col(0) * out.rotation.col(0).dot(out.rotation.col(1));
   out.rotation.col(1).normalize();
-  out.rotation.col(2) = out.rotation.col(0).cross(out.rotation.col(1));
+  out.rotation.col(2) = cross(out.rotation.col(0), out.rotation.col(1));
   const double r22 = planar ? 0.5 * (r00 + r11) : out.rotation.col(2).dot(s.col(2));
   out.scales.setConstant((r00 + r11 + r22) / 3.0);
   return r22 > 0 && std::isfinite(out.rotation.sum()) && std::isfinite(out.scales[0]);
@@ -64,7 +63,7 @@ bool linear_similarity(const double* points, const double* planes, std::size_t r
     sums.normals.noalias() += n * n.transpose();
     sums.right.noalias() -= planes[4 * i + 3] * n;
   }
-  const Vector3d centre = sums.normals.inverse() * sums.right;  // nearest to all planes
+  const Vector3d centre = Ldlt<3>(sums.normals).solve(sums.right);  // nearest to all planes
   double size = 0;
   for (std::size_t i = 0; i < rows; ++i) {
     const Eigen::Map<const Vector3d> x(points + 3 * i), n(planes + 4 * i);

@@ -1,6 +1,5 @@
 #include "sonocal/solvers/paper.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
