@@ -28,8 +28,9 @@ ROOMS: dict[str, set[str]] = {
         "_core",
     },
     "simulation": {"recording", "recording.formats", "observations", "targets"},
-    "export": {"calibration", "validation"},
+    "export": {"existing", "calibration", "validation"},
     "report": {"calibration", "validation", "observations", "registration"},
+    "existing": {"validation", "calibration", "registration", "observations", "targets"},
     "validation": {"calibration", "setup_checks", "observations", "registration"},
     "sweep": {
         "calibration",

@@ -87,6 +87,15 @@ CODES = {
     "points-off": "points are further from where they are known to be than predicted",
     "points-far-off": "points are off by far more than is accepted",
     "calibrations-differ": "two calibrations differ by more than their uncertainty",
+    # existing
+    "direction-by-scale": "which way a file's matrix goes was told by its scale",
+    "transposed-matrix": "a file's matrix is transposed",
+    "rigid-matrix": "a matrix scales nothing",
+    "inverted-matrix": "a matrix leads from the probe to the image",
+    "sheared-matrix": "a matrix shears the image",
+    "mirrored-matrix": "a matrix mirrors",
+    "third-column": "a matrix's third column is not the image's normal",
+    "worse-than-ours": "another matrix leaves more error than the calibration of the same rows",
 }
 
 # Codes of `DegenerateGeometryError`: data that leave a motion free are refused.

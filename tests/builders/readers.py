@@ -12,6 +12,7 @@ from sonocal.calibration import (
 )
 from sonocal.cli.formats import format_of
 from sonocal.detection import read_detections
+from sonocal.existing import matrices_in
 from sonocal.export.plus import put_into_device_set
 from sonocal.recording import health
 from sonocal.recording.formats import (
@@ -111,6 +112,10 @@ READERS = {
     "observations": Reader(".csv", sc.read_observations, contents("table of sightings")),
     "known-points": Reader(".csv", read_point_sightings, contents("points whose place is known")),
     "calibration": Reader(".json", load_calibration, contents("calibration")),
+    "transforms": Reader(".tfm", matrices_in, contents("ITK and 3D Slicer transform, text")),
+    "hdf5-transforms": Reader(".h5", matrices_in, contents("ITK and 3D Slicer transform, HDF5")),
+    "matrices": Reader(".txt", matrices_in, contents("4 x 4 matrix as text")),
+    "numpy": Reader(".npy", matrices_in, contents("4 x 4 matrix of NumPy")),
     "any": Reader("", any_file, every_format),
 }
 

@@ -8,6 +8,9 @@ import pytest
 
 import sonocal as sc
 from sonocal.calibration import calibration_json
+from sonocal.export.itk import itk_h5, itk_tfm
+from sonocal.export.plus import plus_xml
+from sonocal.export.slicer import slicer_h5, slicer_tfm
 from sonocal.observations import observations_csv
 from sonocal.recording.formats import write_recording
 from sonocal.simulation.scene import simulate_observations
@@ -117,6 +120,33 @@ def sightings(dimension):
     return lambda: observations_csv(simulate_observations(dimension, 5, seed=1).observations)
 
 
+TFM = b"""#Insight Transform File V1.0
+#Transform 0
+Transform: AffineTransform_double_3_3
+Parameters: 0 0.2 0 0 0 -0.2 -0.2 0 0 10 -20 30.5
+FixedParameters: 0 0 0
+"""
+ROWS = ((0.0, 0.2, 0.0, 10.0), (0.0, 0.0, -0.2, -20.0), (-0.2, 0.0, 0.0, 30.5), (0.0, 0.0, 0.0, 1.0))
+
+
+def matrix_text(between=" ", newline="\n"):
+    return newline.join(between.join(map(repr, row)) for row in ROWS).encode()
+
+
+def hdf5_transforms(folder):
+    pytest.importorskip("h5py", reason="h5py is not installed")
+    (folder / "a.h5").write_bytes(itk_h5(some_calibration()))
+    (folder / "b.h5").write_bytes(slicer_h5(some_calibration()))
+    return [folder / "a.h5", folder / "b.h5"]
+
+
+def numpy_files(folder):
+    np.save(folder / "a.npy", np.array(ROWS))
+    np.savez(folder / "b.npz", ImageToProbe=np.array(ROWS), ProbeToTracker=np.eye(4), times=np.arange(9))
+    np.savez_compressed(folder / "c.npz", np.array(ROWS, order="F"))
+    return [folder / "a.npy", folder / "b.npz", folder / "c.npz"]
+
+
 SOUND = {
     "PLUS sequence metafile, MetaIO image": sequences(".mha", ".mhd"),
     "PLUS and Slicer NRRD sequence, NRRD image": sequences(".nrrd"),
@@ -134,8 +164,24 @@ SOUND = {
         a_toml=LINE.encode(), b_toml=POINT.encode(), c_toml=b"# mm\n\n" + (LINE + POINT).encode()
     ),
     "PLUS device set": files(
-        a_xml=PHANTOM.encode(), b_xml=b'<?xml version="1.0"?>\n<!-- ours -->\n' + PHANTOM.encode()
+        a_xml=PHANTOM.encode(),
+        c_xml=lambda: plus_xml(some_calibration()),
+        b_xml=b'<?xml version="1.0"?>\n<!-- ours -->\n' + PHANTOM.encode(),
     ),
+    "ITK and 3D Slicer transform, text": files(
+        a_tfm=TFM,
+        b_tfm=lambda: itk_tfm(some_calibration()),
+        c_tfm=lambda: slicer_tfm(some_calibration()),
+        d_tfm=TFM.replace(b"Affine", b"MatrixOffset").replace(b"Transform_d", b"TransformBase_d"),
+    ),
+    "ITK and 3D Slicer transform, HDF5": hdf5_transforms,
+    "4 x 4 matrix as text": files(
+        a_txt=matrix_text(),
+        b_txt=matrix_text(", ") + b"\n",
+        c_txt=b"# mm from px\nImageToProbe = [" + matrix_text("\t", ";\n") + b"];\n",
+        d_txt=b"[[" + matrix_text(", ", "],\n [") + b"]]",
+    ),
+    "4 x 4 matrix of NumPy": numpy_files,
 }
 
 

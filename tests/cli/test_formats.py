@@ -104,7 +104,7 @@ def test_what_is_in_a_file_counts_for_more_than_its_name(sound, name, tmp_path):
 def test_a_byte_order_mark_and_windows_line_ends_change_nothing_of_text(sound, name, tmp_path):
     for path in sound[name]:
         content = b"" if path.is_dir() else path.read_bytes()
-        if content and (BY_NAME[name].header or BY_NAME[name].kind != "recording"):
+        if b"\0" not in content and content and (BY_NAME[name].header or BY_NAME[name].kind != "recording"):
             (tmp_path / "file").write_bytes(b"\xef\xbb\xbf" + content.replace(b"\n", b"\r\n"))
             assert format_of(tmp_path / "file") is BY_NAME[name]
 

@@ -89,7 +89,10 @@ def test_what_is_expected_counts_in_validation_too(seen, expected, tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("<PlusConfiguration><CoordinateDefinitions/></PlusConfiguration>", "has 0 transforms from Image"),
+        (
+            "<PlusConfiguration><CoordinateDefinitions/></PlusConfiguration>",
+            "has no Transform in its CoordinateDefinitions",
+        ),
         (
             "<PlusConfiguration><CoordinateDefinitions>"
             + "".join(
@@ -98,7 +101,7 @@ def test_what_is_expected_counts_in_validation_too(seen, expected, tmp_path):
             + "</CoordinateDefinitions></PlusConfiguration>"
             if (MATRIX := "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1")
             else "",
-            "has 2 transforms from Image",
+            "that may be the calibration: ImageToProbe, ImageToReference; name one with --transform",
         ),
         (
             '<PlusConfiguration><CoordinateDefinitions><Transform From="Image" To="Probe" '

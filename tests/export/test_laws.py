@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sonocal as sc
+from sonocal.existing.matrix import LPS_FROM_RAS
 from sonocal.export.itk import itk_h5, itk_tfm
 from sonocal.export.plus import plus_xml, put_into_device_set
-from sonocal.export.slicer import LPS_FROM_RAS, slicer_h5, slicer_matrix, slicer_tfm
+from sonocal.export.slicer import slicer_h5, slicer_matrix, slicer_tfm
 from sonocal.validation import give_verdict
 from tests.builders.calibrations import calibration_with, parted_rows, slipped_rows, sound_calibration
 from tests.builders.similarities import random_similarity

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.existing import choice_of, of_other_software, refuse_choice
 from sonocal.cli.from_recording import (
     OF_DETECTION,
     SHEET,
@@ -42,11 +43,15 @@ from sonocal.cli.told import (
     ACCEPT_UNITS,
     EXPECTED,
     MARKER_ABOVE,
-    expected_rotation,
     refuse_units,
+    rotation_of,
     unit_doubts,
 )
 from sonocal.errors import InputError, SonocalError
+
+if TYPE_CHECKING:
+    from sonocal.existing import Choice
+    from sonocal.geometry import Array
 
 __all__ = ["calibrate"]
 
@@ -115,6 +120,7 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
 @SCANNER
 @MARKER_ABOVE
 @EXPECTED
+@of_other_software
 @ACCEPT_UNITS
 @NO_REPORT
 @OVERWRITE
@@ -153,7 +159,7 @@ def calibrate(
     if source.exists():  # else a reader says so
         reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
     recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
-    options["expected_rotation"] = expected_rotation(expected)
+    options["expected_rotation"] = _expected(expected, choice_of(options))
     with refusing(as_json=as_json):
         result = (
             _from_table(source, options, accept_units=accept_units)
@@ -172,6 +178,14 @@ def calibrate(
         return
     print_calibration(console(), found)
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
+
+
+def _expected(path: Path | None, choice: Choice) -> Array | None:
+    from sonocal.cli.formats import calibration_in
+
+    found = None if path is None else calibration_in(path, choice)
+    refuse_choice(found)
+    return None if found is None else rotation_of(found)
 
 
 def _names(points: Path | None, *, recording: bool, report: bool) -> tuple[str, ...]:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.existing import choice_of, of_other_software, refuse_choice
 from sonocal.cli.options import FILE, console
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from sonocal.calibration import Calibration
+    from sonocal.existing import Existing
 
 __all__ = ["export"]
 
@@ -35,6 +39,7 @@ __all__ = ["export"]
 @click.option(
     "--probe", default="Probe", show_default=True, help="plus: what the device set calls the probe's marker."
 )
+@of_other_software
 @click.option("--force", is_flag=True, help="Export what the verdict says not to use, too.")
 @OVERWRITE
 def export(
@@ -45,9 +50,9 @@ def export(
     *,
     force: bool,
     overwrite: bool,
-    **frames: str,
+    **options: Any,
 ) -> None:
-    """Write a calibration (calibration.json) for other software.
+    """Write a calibration for other software: calibration.json, or a matrix of one program for another.
 
     \b
     plus    a device set (XML) whose ImageToProbe transform is the calibration;
@@ -57,45 +62,72 @@ def export(
     json    the calibration file, brought up to date
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.formats import calibration_in
-    from sonocal.cli.screen.parts import verdict_text
     from sonocal.files import write_atomically
-    from sonocal.validation import give_verdict
 
     if form != "plus" and into is not None:
         raise click.UsageError("--into is for --to plus")
     reserve(output)
-    loaded = calibration_in(calibration)
-    verdict = give_verdict(loaded)
-    if verdict.level == "stop" and not force:
-        raise InputError(
-            f"{calibration}: is not exported, since its verdict is {verdict.headline!r} ({', '.join(verdict.codes)}; "
-            "sonocal info says more); mend what it names and calibrate again, or export it all the same with --force"
-        )
-    content = _content(loaded, form, output, into, (frames["image"], frames["probe"]))
+    loaded = calibration_in(calibration, choice_of(options))
+    refuse_choice(loaded)
+    remark = _remark(calibration, loaded, force=force)
+    content = _content(loaded, form, output, into, (options["image"], options["probe"]))
     reserve(output)
     write_atomically(output, content)
-    console().print(verdict_text(verdict))
+    console().print(remark)
     say(f"Wrote {output}")
 
 
+def _remark(path: Path, found: Calibration | Existing, *, force: bool) -> RenderableType:
+    """The verdict, or what is odd about a matrix; refuses what must not be used unless told to go on."""
+    from sonocal.calibration import Calibration
+    from sonocal.cli.screen.existing import remarks
+    from sonocal.cli.screen.parts import verdict_text
+    from sonocal.existing.meaning import UNUSABLE, matrix_findings
+    from sonocal.validation import give_verdict
+
+    if not isinstance(found, Calibration):
+        wrong = next((one for one in matrix_findings(found) if one.code in UNUSABLE), None)
+        if wrong is not None and not force:
+            raise InputError(
+                f"{path}: is not exported: {wrong.message}; {wrong.advice}, or export it all the same with --force"
+            )
+        return remarks(found)
+    verdict = give_verdict(found)
+    if verdict.level == "stop" and not force:
+        raise InputError(
+            f"{path}: is not exported, since its verdict is {verdict.headline!r} ({', '.join(verdict.codes)}; "
+            "sonocal info says more); mend what it names and calibrate again, or export it all the same with --force"
+        )
+    return verdict_text(verdict)
+
+
 def _content(
-    calibration: Calibration, form: str, output: Path, into: Path | None, frames: tuple[str, str]
+    found: Calibration | Existing, form: str, output: Path, into: Path | None, frames: tuple[str, str]
 ) -> bytes:
     if form == "json":
-        from sonocal.calibration import calibration_json
-
-        return calibration_json(calibration)
+        return _json(found)
     if form == "plus":
         from sonocal.export.plus import plus_xml, put_into_device_set
         from sonocal.files import read_bytes
 
         if into is None:
-            return plus_xml(calibration, *frames)
-        return put_into_device_set(calibration, read_bytes(into), into.name, *frames)
-    return _transform(calibration, form, output)
+            return plus_xml(found, *frames)
+        return put_into_device_set(found, read_bytes(into), into.name, *frames)
+    return _transform(found, form, output)
 
 
-def _transform(calibration: Calibration, form: str, output: Path) -> bytes:
+def _json(found: Calibration | Existing) -> bytes:
+    from sonocal.calibration import Calibration, calibration_json
+
+    if isinstance(found, Calibration):
+        return calibration_json(found)
+    raise InputError(
+        f"{found.file}: is a matrix alone, and calibration.json holds what a calibration rests on, too; export it "
+        "--to plus, itk or slicer, or make a calibration with sonocal calibrate"
+    )
+
+
+def _transform(calibration: Calibration | Existing, form: str, output: Path) -> bytes:
     from sonocal.export import itk, slicer
 
     writers = {

@@ -1,7 +1,8 @@
 """Every format that sonocal reads, joined from the rooms that read them: for ``info``, ``calibrate`` and the docs.
 
-Recordings list theirs in `sonocal.recording.formats.registry`, targets in `sonocal.targets.formats`. Tables and
-calibrations are listed here, since their rooms are heavy: they are imported when such a file is read.
+Recordings list theirs in `sonocal.recording.formats.registry`, targets in `sonocal.targets.formats`, matrices of other
+software in `sonocal.existing.formats`. Tables and calibrations are listed here, since their rooms are heavy: they are
+imported when such a file is read.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonocal.errors import InputError, UnsupportedError
+from sonocal.existing.formats import FORMATS as MATRICES
+from sonocal.existing.formats import read_existing
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
 from sonocal.targets.formats import FORMATS as TARGETS
@@ -18,12 +21,22 @@ from sonocal.targets.formats import FORMATS as TARGETS
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.detection import Detections
+    from sonocal.existing import Choice, Existing
     from sonocal.geometry import Array
     from sonocal.observations import Observations
     from sonocal.targets import Line
     from sonocal.validation import PointSightings
 
-__all__ = ["FORMATS", "calibration_in", "format_of", "kind_of", "lines_in", "require_kind", "table"]
+__all__ = [
+    "FORMATS",
+    "calibration_in",
+    "format_of",
+    "kind_of",
+    "lines_in",
+    "own_calibration_in",
+    "require_kind",
+    "table",
+]
 
 
 def format_of(path: Path) -> Format:
@@ -68,13 +81,28 @@ def require_kind(path: Path, wanted: tuple[Kind, ...], advice: str) -> None:
         raise InputError(f"{path.name}: is {head.looks_like} and not {_KINDS[wanted[0]]}; {advice}")
 
 
-def calibration_in(path: Path) -> Calibration:
-    """The calibration in a file that the command line was given.
+def calibration_in(path: Path, choice: Choice | None = None) -> Calibration | Existing:
+    """The calibration in a file that the command line was given: ours, or the matrix of other software.
+
+    Args:
+        path: the file.
+        choice: which matrix of a file of other software, and which way it goes.
 
     Raises:
         InputError: the file cannot be read, or is something else; the sentence says what.
         FormatError: it is damaged.
     """
+    from sonocal.calibration import load_calibration
+
+    require_kind(path, CALIBRATION_KINDS, ADVICE)
+    kind = None if path.is_dir() else kind_of(path)
+    if kind == "calibration" or (kind is None and path.suffix.lower() not in TABLE_SUFFIXES):
+        return load_calibration(path)
+    return read_existing(path, choice)
+
+
+def own_calibration_in(path: Path) -> Calibration:
+    """Our own calibration in a file. Raises as `calibration_in`."""
     from sonocal.calibration import load_calibration
 
     require_kind(path, ("calibration",), "name the calibration.json that sonocal calibrate wrote")
@@ -126,10 +154,16 @@ def _what_is_read() -> str:
     return f"{', '.join(files)}, folders of images, and tables with {'; '.join(tables)}"
 
 
+CALIBRATION_KINDS: tuple[Kind, ...] = ("calibration", "device set", "matrix")
+ADVICE = (
+    "name the calibration.json that sonocal calibrate wrote, or a matrix of other software: a device set of PLUS "
+    "(.xml), a transform (.tfm, .h5), a 4 x 4 (text, .npy)"
+)
 _KINDS: dict[Kind, str] = {
     "calibration": "a JSON file",
     "device set": "a device set of PLUS",
     "known points": "a table of points whose place is known",
+    "matrix": "a matrix, such as a calibration of other software",
     "observations": "a table of sightings",
     "points": "a table of points found in images",
     "recording": "a recording",
@@ -138,7 +172,7 @@ _KINDS: dict[Kind, str] = {
 
 
 def _plural(kind: Kind) -> str:
-    return kind if kind.endswith("s") else f"{kind}s"
+    return {"matrix": "matrices"}.get(kind, kind if kind.endswith("s") else f"{kind}s")
 
 
 def _observations(path: Path) -> Observations:
@@ -214,11 +248,11 @@ CALIBRATIONS: tuple[Format, ...] = (
         kind="calibration",
         suffixes=(".json",),
         sniff=lambda head: head.text.startswith(b"{"),
-        read=calibration_in,
+        read=own_calibration_in,
         holds="all that `sonocal calibrate` found",
         write=_write_calibration,
         writes=(".json",),
     ),
 )
 # Tables of sightings come before tables of poses: their further columns are free.
-FORMATS: tuple[Format, ...] = (*TABLES, *TARGETS, *CALIBRATIONS, *RECORDINGS)
+FORMATS: tuple[Format, ...] = (*TABLES, *TARGETS, *CALIBRATIONS, *MATRICES, *RECORDINGS)

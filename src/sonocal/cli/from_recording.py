@@ -48,14 +48,14 @@ class Result(NamedTuple):
 
 
 def from_recording(
-    source: Path, lines: Path, output: Path, recorded: dict[str, Any], options: dict[str, Any]
+    source: Path, lines: Path, output: Path | None, recorded: dict[str, Any], options: dict[str, Any]
 ) -> Result:
     """Calibrate from a recording.
 
     Args:
         source: the recording.
         lines: the needle or wires.
-        output: where the contact sheet stays if no calibration is found.
+        output: where the contact sheet stays if no calibration is found; nowhere if None.
         recorded: options of recordings and of detection.
         options: of `sonocal.calibrate`.
     """
@@ -104,7 +104,9 @@ def _from_points(recording: Recording, lines: Sequence[Line], points: Path, how:
     return Result(rows, found, {})
 
 
-def _from_images(recording: Recording, lines: Sequence[Line], output: Path, how: dict[str, Any]) -> Result:
+def _from_images(
+    recording: Recording, lines: Sequence[Line], output: Path | None, how: dict[str, Any]
+) -> Result:
     """Find the needle in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
     from sonocal.files.png import png
     from sonocal.sweep import Sweep
@@ -116,7 +118,8 @@ def _from_images(recording: Recording, lines: Sequence[Line], output: Path, how:
     try:
         found = sweep.calibrate(seen)
     except SonocalError:
-        _show_candidates(output, png(contact_sheet(recording, seen)))
+        if output is not None:
+            _show_candidates(output, png(contact_sheet(recording, seen)))
         raise
     sheet = png(contact_sheet(recording, seen, found.observations))
     return Result(found.observations, found.calibration, {SHEET: sheet})

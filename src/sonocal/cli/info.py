@@ -16,12 +16,13 @@ from sonocal.cli.options import (
     console,
     progress,
 )
-from sonocal.cli.screen.plain import say_json
+from sonocal.cli.screen.plain import say, say_json
 from sonocal.cli.told import table_doubts, unit_doubts
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.detection import Detections
+    from sonocal.existing import Matrices
     from sonocal.files.kinds import Kind
     from sonocal.findings import Diagnostic
     from sonocal.observations import Observations
@@ -45,7 +46,8 @@ Shown = tuple[Any, Callable[[], None]]
 def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_json: bool) -> None:
     """Show what is in a file, and what is wrong with it.
 
-    Recordings, tables of sightings or points, calibrations, needles (.toml), PLUS device sets.
+    Recordings, tables of sightings or points, calibrations, needles (.toml), PLUS device sets, matrices of other
+    software (.tfm, .h5, a 4 x 4 as text or of NumPy): what they mean.
     """
     from sonocal.cli.formats import format_of
 
@@ -117,11 +119,38 @@ def _targets(name: str, found: Targets) -> Shown:
 
 def _device_set(_: str, found: DeviceSet) -> Shown:
     from sonocal.cli.screen.recording import print_device_set
+    from sonocal.existing.plus import matrices_of
 
     transforms = {f"{source}To{target}": matrix for (target, source), matrix in found.transforms.items()}
     doubts = unit_doubts(lines=found.wires)
     record = {"name": found.name, "transforms": transforms, "wires": found.wires, "patterns": found.patterns}
-    return record | {"diagnostics": doubts}, _doubted(doubts, lambda: print_device_set(console(), found))
+    meaning, show = ([], None) if not found.transforms else _matrices(found.name, matrices_of(found))
+
+    def both() -> None:
+        print_device_set(console(), found)
+        if show is not None:
+            show()
+
+    return record | {"calibrations": meaning, "diagnostics": doubts}, _doubted(doubts, both)
+
+
+def _matrices(_: str, found: Matrices) -> Shown:
+    """All of a file that may be from an image; what else is known by name is said in a sentence."""
+    from sonocal.cli.screen.existing import existing_record, print_existing, tip_sentences
+    from sonocal.existing.choice import candidates
+    from sonocal.existing.meaning import matrix_findings
+
+    each = candidates(found)
+    tips = tip_sentences(found)
+
+    def show() -> None:
+        for one in each:
+            print_existing(console(), one)
+        for sentence in tips:
+            say(sentence)
+
+    record = [existing_record(one) | {"diagnostics": matrix_findings(one)} for one in each]
+    return record or {"tips": tips}, show
 
 
 def _doubted(doubts: list[Diagnostic], show: Callable[[], None]) -> Callable[[], None]:
@@ -140,6 +169,7 @@ _SCREENS: dict[Kind, Callable[[str, Any], Shown]] = {
     "calibration": _calibration,
     "device set": _device_set,
     "known points": _known_points,
+    "matrix": _matrices,
     "observations": _observations,
     "points": _points,
     "targets": _targets,

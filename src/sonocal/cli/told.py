@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -12,6 +11,8 @@ from sonocal.cli.options import FILE
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
+    from sonocal.existing import Existing
     from sonocal.findings import Diagnostic
     from sonocal.geometry import Array
     from sonocal.observations import Observations
@@ -22,8 +23,8 @@ __all__ = [
     "ACCEPT_UNITS",
     "EXPECTED",
     "MARKER_ABOVE",
-    "expected_rotation",
     "refuse_units",
+    "rotation_of",
     "table_doubts",
     "unit_doubts",
 ]
@@ -38,7 +39,7 @@ EXPECTED = click.option(
     "--expected",
     type=FILE,
     metavar="CALIBRATION",
-    help="A calibration (JSON, or a PLUS device set) that is turned roughly as this one must be.",
+    help="A calibration, ours or of other software, that is turned roughly as this one must be.",
 )
 ACCEPT_UNITS = click.option(
     "--accept-units",
@@ -47,35 +48,13 @@ ACCEPT_UNITS = click.option(
 )
 
 
-def expected_rotation(path: Path | None) -> Array | None:
-    """The rotation of another calibration: of our file, or of a device set's ImageToProbe.
+def rotation_of(found: Calibration | Existing) -> Array:
+    """(3, 3): of u, v and their normal, whatever shear a matrix of other software has."""
+    from sonocal.existing import Existing, meaning_of
 
-    Raises:
-        InputError: the file holds none.
-    """
-    from sonocal.cli.formats import calibration_in, kind_of
-
-    if path is None:
-        return None
-    if kind_of(path) == "device set":
-        return _of_device_set(path)
-    return calibration_in(path).probe_from_image.rotation
-
-
-def _of_device_set(path: Path) -> Array:
-    import numpy as np
-
-    from sonocal.targets import read_device_set
-
-    matrices = read_device_set(path).transforms
-    found = {name: matrix for name, matrix in matrices.items() if name[1] == "Image"}
-    if len(found) != 1:
-        raise InputError(
-            f"{path.name}: has {len(found)} transforms from Image where it must have one, such as ImageToProbe; it has "
-            + (", ".join(f"{source}To{target}" for target, source in matrices) or "none")
-        )
-    (matrix,) = found.values()
-    return np.asarray(matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0))
+    return (
+        meaning_of(found.matrix).rotation if isinstance(found, Existing) else found.probe_from_image.rotation
+    )
 
 
 def unit_doubts(

@@ -8,23 +8,41 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.existing import (
+    apart_record,
+    choice_of,
+    of_other_software,
+    print_apart,
+    refuse_choice,
+    validate_existing,
+)
+from sonocal.cli.measured import OF_RECORDINGS, Measured, read_measured
 from sonocal.cli.options import (
+    CENTRE,
+    COUNT,
     FILE,
+    INVALID,
     JSON,
+    LATENCY,
+    LINES,
+    MASK,
     NO_REPORT,
+    POSES,
+    PROBE,
     SCANNER,
     console,
     seed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say, say_json
-from sonocal.cli.told import EXPECTED, MARKER_ABOVE, expected_rotation
+from sonocal.cli.told import ACCEPT_UNITS, EXPECTED, MARKER_ABOVE, rotation_of
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
-    from sonocal.observations import Observations
-    from sonocal.validation import Comparison, PointSightings, Validation
+    from sonocal.existing import Existing
+    from sonocal.existing.difference import Difference
+    from sonocal.validation import Comparison, Validation
 
 __all__ = ["validate"]
 
@@ -43,9 +61,9 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
         return names[0], names[1], names[2]
 
 
-@click.command(short_help="Say how far off a calibration is, on sightings or points.")
+@click.command(short_help="Say how far off a calibration is, whoever made it.")
 @click.argument("calibration", metavar="CALIBRATION", type=FILE)
-@click.argument("table", metavar="INPUT", type=FILE)
+@click.argument("source", metavar="INPUT", type=FILE)
 @click.option(
     "-o",
     "--output",
@@ -59,77 +77,122 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
     "nwires",
     type=_NWire(),
     multiple=True,
-    help="Targets of an N, for PLUS's error; once for each N.",
+    help="Targets of an N, for PLUS's error; once for each N.  [default: of a recording, those of its device set]",
 )
-@click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration.json.")
+@click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration, ours or of other software.")
+@of_other_software
+@LINES
+@click.option(
+    "--points", type=FILE, help="Points found in the images (CSV: frame, u_px, v_px[, w_px][, target])."
+)
+@POSES
+@PROBE
+@LATENCY
+@INVALID
+@COUNT
+@CENTRE
+@MASK
 @SCANNER
 @MARKER_ABOVE
 @EXPECTED
+@ACCEPT_UNITS
 @seed("the resampling")
 @NO_REPORT
 @OVERWRITE
 @JSON
 def validate(
     calibration: Path,
-    table: Path,
+    source: Path,
     *,
+    lines: Path | None,
     output: Path | None,
     compare: Path | None,
-    scanner_mm_per_px: float | None,
-    marker_above_image: bool,
     expected: Path | None,
     report: bool,
     overwrite: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
-    """How far off is a calibration (calibration.json), on a table of sightings or points (CSV)?
+    """How far off is a calibration, on a table of sightings or points (CSV), or on a recording?
 
     \b
+    CALIBRATION is calibration.json, or a matrix of other software: a device
+    set of PLUS (.xml), a transform of ITK or 3D Slicer (.tfm, .h5), a 4 x 4
+    (text, .npy). It is compared with our own calibration of INPUT, too.
     INPUT is one of
       the calibration's own input: leave-one-out errors, repeatability, and
         the held-out error of its test split;
-      other sightings: their error;
+      other sightings, or a recording with --lines: their error;
       points, with u_px, v_px and x_mm, y_mm, z_mm (where the point is known to
         be) or probe_00 ... probe_23 (the probe's pose): projection
         reconstruction accuracy, spread at a fixed cross-wire.
     """  # noqa: D301 - click leaves the lines below the escape alone
-    from sonocal.cli.formats import calibration_in, require_kind
+    from sonocal.cli.formats import calibration_in
+    from sonocal.existing import Existing
+    from sonocal.existing.worth import model_like
+
+    choice, recorded = (
+        choice_of(options),
+        {name: options.pop(name) for name in (*OF_RECORDINGS, "accept_units")},
+    )
+    found = calibration_in(calibration, choice)
+    folder = calibration.parent if output is None else output
+    if report and not isinstance(found, Existing):
+        _reserve_report(folder, calibration, found)
+    others = [None if path is None else calibration_in(path, choice) for path in (compare, expected)]
+    refuse_choice(found, *others)
+    how = {"crosswire": options.pop("crosswire"), "nwires": options.pop("nwires"), "split": options["split"]}
+    model = model_like(found, 2) if isinstance(found, Existing) else found.model
+    measured = read_measured(source, lines, recorded, model=model, **how)
+    if isinstance(found, Existing):
+        of_matrix = {name: options[name] for name in ("split", "scanner_mm_per_px")}
+        validate_existing(found, others[0], measured, **of_matrix, as_json=as_json)
+        return
+    expectation = others[1] or others[0]
+    options["expected_rotation"] = None if expectation is None else rotation_of(expectation)
+    _validate_ours(found, others[0], measured, options, folder=folder if report else None, as_json=as_json)
+
+
+def _validate_ours(
+    found: Calibration,
+    other: Calibration | Existing | None,
+    measured: Measured,
+    options: dict[str, Any],
+    *,
+    folder: Path | None,
+    as_json: bool,
+) -> None:
+    """The numbers of a calibration of ours, the comparison, and the report where a folder is given."""
+    from sonocal.calibration import Calibration
     from sonocal.cli.report import report_files
-    from sonocal.files import read_bytes, write_into_folder
+    from sonocal.files import write_into_folder
     from sonocal.validation.measured import comparison_findings
 
-    found = calibration_in(calibration)
-    folder = calibration.parent if output is None else output
-    if report:
-        _reserve_report(folder, calibration, found)
-    other = None if compare is None else calibration_in(compare)
-    require_kind(
-        table,
-        ("observations", "known points"),
-        "give a table of sightings, or of points whose place is known (CSV)",
-    )
-    content = read_bytes(table)
-    known = {
-        "scanner_mm_per_px": scanner_mm_per_px,
-        "expected_rotation": expected_rotation(expected)
-        if expected is not None or other is None
-        else other.probe_from_image.rotation,
-        "marker_above_image": marker_above_image,
-    }
-    numbers, rows = _numbers(found, content, table.name, known=known, **options)
-    comparison = None if other is None else _compared(found, other)
+    numbers = _numbers(found, measured, options)
+    comparison = _compared(found, other) if isinstance(other, Calibration) else None
     if comparison is not None:
         found_too = comparison_findings(found, comparison)
         numbers = replace(numbers, diagnostics=(*numbers.diagnostics, *found_too))
-    files = report_files(found, rows, numbers, comparison) if report else {}
-    write_into_folder(folder, files)
+    apart = None if other is None or comparison is not None else _apart(other, found)
+    files = {} if folder is None else report_files(found, measured.rows, numbers, comparison)
+    write_into_folder(folder or Path(), files)
     if as_json:
-        say_json(_record(found, numbers, comparison))
+        say_json(
+            _record(found, numbers, comparison)
+            | ({} if apart is None else {"difference": apart_record(apart)})
+        )
         return
     _print(found, numbers, comparison)
+    if apart is not None:
+        print_apart(apart)
     for name in files:
-        say(f"Wrote {folder / name}")
+        say(f"Wrote {(folder or Path()) / name}")
+
+
+def _apart(other: Calibration | Existing, found: Calibration) -> Difference:
+    from sonocal.existing.difference import difference
+
+    return difference(other, found, found.area_px, "ours")
 
 
 def _reserve_report(folder: Path, path: Path, calibration: Calibration) -> None:
@@ -146,27 +209,12 @@ def _reserve_report(folder: Path, path: Path, calibration: Calibration) -> None:
     reserve(page, replaced=page.is_file() and is_report_of(read_bytes(page), calibration))
 
 
-def _numbers(
-    calibration: Calibration,
-    content: bytes,
-    name: str,
-    *,
-    known: dict[str, Any],
-    crosswire: bool,
-    split: str | None,
-    nwires: tuple[tuple[str, str, str], ...],
-    seed: int,
-) -> tuple[Validation, Observations | None]:
-    from sonocal.files.kinds import Head
-    from sonocal.observations import parse_observations
-    from sonocal.validation import parse_point_sightings, validate, validate_points
+def _numbers(calibration: Calibration, measured: Measured, options: dict[str, Any]) -> Validation:
+    from sonocal.validation import validate, validate_points
 
-    header = Head(Path(name), content).columns
-    if crosswire or ("x0_mm" not in header and "u_px" in header):
-        points: PointSightings = parse_point_sightings(content, name)
-        return validate_points(calibration, points), None
-    rows = parse_observations(content, name)
-    return validate(calibration, rows, split=split, nwires=nwires, seed=seed, **known), rows
+    if measured.points is not None:
+        return validate_points(calibration, measured.points)
+    return validate(calibration, measured.sightings, nwires=measured.nwires, **options)
 
 
 def _compared(first: Calibration, second: Calibration) -> Comparison:

@@ -12,8 +12,9 @@ import numpy as np
 
 from sonocal.calibration import Calibration
 from sonocal.errors import UnsupportedError
+from sonocal.existing import Existing
+from sonocal.export.content import content_of
 from sonocal.geometry import Array
-from sonocal.validation import give_verdict
 
 __all__ = ["affine_h5", "affine_tfm", "itk_h5", "itk_tfm"]
 
@@ -24,18 +25,20 @@ CONVENTION = (
 )
 
 
-def itk_tfm(calibration: Calibration) -> bytes:
+def itk_tfm(calibration: Calibration | Existing) -> bytes:
     """The content of a ``.tfm`` file that maps pixels to mm as the calibration does."""
-    return affine_tfm(calibration.probe_from_image.matrix, CONVENTION, give_verdict(calibration).remark)
+    content = content_of(calibration)
+    return affine_tfm(content.matrix, CONVENTION, content.remark)
 
 
-def itk_h5(calibration: Calibration) -> bytes:
+def itk_h5(calibration: Calibration | Existing) -> bytes:
     """The content of an ``.h5`` file that maps pixels to mm as the calibration does.
 
     Raises:
         UnsupportedError: h5py is not installed.
     """
-    return affine_h5(calibration.probe_from_image.matrix, CONVENTION, give_verdict(calibration).remark)
+    content = content_of(calibration)
+    return affine_h5(content.matrix, CONVENTION, content.remark)
 
 
 def affine_tfm(matrix: Array, convention: str, verdict: str) -> bytes:

@@ -12,7 +12,8 @@ from xml.sax.saxutils import quoteattr
 
 from sonocal.calibration import Calibration
 from sonocal.errors import FormatError, InputError
-from sonocal.validation import give_verdict
+from sonocal.existing import Existing
+from sonocal.export.content import Content, content_of
 
 __all__ = ["plus_xml", "put_into_device_set"]
 
@@ -25,12 +26,13 @@ PLACE = ("PlusConfiguration", "CoordinateDefinitions")
 BOM = b"\xef\xbb\xbf"
 
 
-def plus_xml(calibration: Calibration, image: str = "Image", probe: str = "Probe") -> bytes:
+def plus_xml(calibration: Calibration | Existing, image: str = "Image", probe: str = "Probe") -> bytes:
     """A PLUS configuration that holds the calibration alone.
 
     PLUS's ``From="Image" To="Probe"`` is ``probe_from_image``; numbers are written so that reading them
     gives the same to the last bit. ``Error`` is the root mean square distance in mm of the held-out rows
-    from their lines, or of the fitted rows where none were held out.
+    from their lines, or of the fitted rows where none were held out; of a matrix of other software it is what that
+    says, or -1.
 
     Args:
         calibration: what to write.
@@ -39,15 +41,16 @@ def plus_xml(calibration: Calibration, image: str = "Image", probe: str = "Probe
     """
     root = ElementTree.Element("PlusConfiguration", version="2.1")
     definitions = ElementTree.SubElement(root, "CoordinateDefinitions")
-    comment = COMMENT.format(image=image, probe=probe) + COPY + give_verdict(calibration).remark + " "
+    written = content_of(calibration)
+    comment = COMMENT.format(image=image, probe=probe) + COPY + written.remark + " "
     definitions.append(ElementTree.Comment(comment))
-    ElementTree.SubElement(definitions, "Transform", {"From": image, "To": probe, **_values(calibration)})
+    ElementTree.SubElement(definitions, "Transform", {"From": image, "To": probe, **_values(written)})
     ElementTree.indent(root)
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
 
 def put_into_device_set(
-    calibration: Calibration, content: bytes, name: str, image: str = "Image", probe: str = "Probe"
+    calibration: Calibration | Existing, content: bytes, name: str, image: str = "Image", probe: str = "Probe"
 ) -> bytes:
     """A device set that differs from the one given in the calibration's transform alone, every other byte kept.
 
@@ -78,26 +81,24 @@ def put_into_device_set(
             f"{name}: leads from {image} to {probe} by other transforms already; PLUS allows one way between two "
             "frames, so delete one of them"
         )
-    values = _values(calibration)
+    written = content_of(calibration)
+    values = _values(written)
     if same:
         edited = _replaced(body, same[0], values)
     else:
-        comment = COMMENT.format(image=image, probe=probe) + give_verdict(calibration).remark + " "
+        comment = COMMENT.format(image=image, probe=probe) + written.remark + " "
         if "--" in comment:
             raise InputError(f"{name}: a frame's name must not hold '--'")
         edited = _added(body, there, {"From": image, "To": probe, **values}, comment)
     return content[:start] + edited
 
 
-def matrix_text(calibration: Calibration) -> str:
-    """The matrix, row by row, as PLUS writes it."""
-    return "  ".join(" ".join(repr(float(x)) for x in row) for row in calibration.probe_from_image.matrix)
-
-
-def _values(calibration: Calibration) -> dict[str, str]:
+def _values(written: Content) -> dict[str, str]:
+    rows = (" ".join(repr(float(x)) for x in row) for row in written.matrix)
     return {
-        "Matrix": matrix_text(calibration),
-        "Error": f"{(calibration.test or calibration.fit).rms_mm:.6g}",
+        "Matrix": "  ".join(rows),
+        # PLUS's own sign for one that is not known: that of another matrix must not stay.
+        "Error": "-1" if written.error_mm is None else f"{written.error_mm:.6g}",
         "Date": datetime.datetime.now().astimezone().strftime("%m%d%y_%H%M%S"),
     }
 

@@ -11,16 +11,15 @@ Source: Slicer's developer guide, "Transforms" (resampling convention, LPS in fi
 
 from __future__ import annotations
 
-import numpy as np
-
 from sonocal.calibration import Calibration
+from sonocal.existing import Existing
+from sonocal.existing.matrix import slicer_form
+from sonocal.export.content import content_of
 from sonocal.export.itk import affine_h5, affine_tfm
 from sonocal.geometry import Array, AxisScaled
-from sonocal.validation import give_verdict
 
 __all__ = ["slicer_h5", "slicer_matrix", "slicer_tfm"]
 
-LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 CONVENTION = (
     "for 3D Slicer: loads as a linear transform whose transform to parent (RAS) is probe_from_image, pixels (u right, "
     "v down; origin: centre of the first pixel) to millimetres in the probe marker's frame, the mm per px "
@@ -29,22 +28,22 @@ CONVENTION = (
 )
 
 
-def slicer_tfm(calibration: Calibration) -> bytes:
+def slicer_tfm(calibration: Calibration | Existing) -> bytes:
     """The content of a ``.tfm`` file for 3D Slicer."""
-    matrix = slicer_matrix(calibration.probe_from_image)
-    return affine_tfm(matrix, CONVENTION, give_verdict(calibration).remark)
+    content = content_of(calibration)
+    return affine_tfm(slicer_form(content.matrix), CONVENTION, content.remark)
 
 
-def slicer_h5(calibration: Calibration) -> bytes:
+def slicer_h5(calibration: Calibration | Existing) -> bytes:
     """The content of an ``.h5`` file for 3D Slicer.
 
     Raises:
         UnsupportedError: h5py is not installed.
     """
-    matrix = slicer_matrix(calibration.probe_from_image)
-    return affine_h5(matrix, CONVENTION, give_verdict(calibration).remark)
+    content = content_of(calibration)
+    return affine_h5(slicer_form(content.matrix), CONVENTION, content.remark)
 
 
 def slicer_matrix(probe_from_image: AxisScaled) -> Array:
     """(4, 4): what Slicer's file holds."""
-    return np.asarray(LPS_FROM_RAS @ np.linalg.inv(probe_from_image.matrix) @ LPS_FROM_RAS)
+    return slicer_form(probe_from_image.matrix)

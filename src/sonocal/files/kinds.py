@@ -1,7 +1,7 @@
 """What a format says of itself, and which of several formats a file is in, by what is in it.
 
-A room that reads files lists its formats (`sonocal.recording.formats.registry`, `sonocal.targets.formats`); the
-command line joins the lists. Nothing heavy is imported until a file is read.
+A room that reads files lists its formats (`sonocal.recording.formats.registry`, `sonocal.targets.formats`,
+`sonocal.existing.formats`); the command line joins the lists. Nothing heavy is imported until a file is read.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sonocal.files.disk import read_at
 __all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "suffixes_of"]
 
 Kind = Literal[
-    "calibration", "device set", "known points", "observations", "points", "recording", "targets"
+    "calibration", "device set", "known points", "matrix", "observations", "points", "recording", "targets"
 ]  # fmt: skip
 
 HEAD_BYTES = 4096

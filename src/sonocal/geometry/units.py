@@ -11,6 +11,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry.transforms import Array
 
 __all__ = [
+    "UNITS",
     "UNITS_CODE",
     "Hint",
     "length_hints",

@@ -3,7 +3,7 @@
 A new format of targets is a file here that ends with its `FORMAT`, and a line in `formats.FORMATS`.
 """
 
-from sonocal.targets.device_set import DeviceSet, read_device_set
+from sonocal.targets.device_set import DeviceSet, Stated, read_device_set
 from sonocal.targets.formats import read_lines
 from sonocal.targets.lines import Line, Point, check_lines, require_lines
 from sonocal.targets.toml_file import Targets, lines_toml, read_points_toml, read_targets, write_lines
@@ -12,6 +12,7 @@ __all__ = [
     "DeviceSet",
     "Line",
     "Point",
+    "Stated",
     "Targets",
     "check_lines",
     "lines_toml",

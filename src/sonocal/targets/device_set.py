@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -20,10 +20,25 @@ from sonocal.targets.lines import (
     check_lines,
 )
 
-__all__ = ["FORMAT", "DeviceSet", "parse_xml", "read_device_set"]
+__all__ = ["FORMAT", "DeviceSet", "Stated", "parse_xml", "read_device_set"]
 
 SIZE_LIMIT = 16 << 20
 DEEPEST = 100
+# Of a determinant, as a share of the product of the columns' lengths: less is a plane.
+FLAT = 1e-9
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What PLUS says of a transform.
+
+    Attributes:
+        error_mm: its error, computed as the tool that made it does; None where it says none.
+        date: when it was made, as spelt.
+    """
+
+    error_mm: float | None = None
+    date: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +50,14 @@ class DeviceSet:
         transforms: ``(target, source) -> (4, 4)``, such as ``("Reference", "Phantom")``.
         wires: of the phantom, in its own frame.
         patterns: names of the wires of each N: left, middle, right.
+        stated: of transforms by the same names, what PLUS says of them.
     """
 
     name: str
     transforms: Mapping[tuple[str, str], Array]
     wires: tuple[Line, ...]
     patterns: tuple[tuple[str, ...], ...]
+    stated: Mapping[tuple[str, str], Stated] = field(default_factory=dict)
 
 
 def read_device_set(path: str | Path) -> DeviceSet:
@@ -62,7 +79,9 @@ def read_device_set(path: str | Path) -> DeviceSet:
     wires = tuple(wire for pattern in patterns for wire in pattern)
     check_lines(path.name, wires)
     names = tuple(tuple(wire.name for wire in pattern) for pattern in patterns)
-    return DeviceSet(path.name, dict(_transforms(path.name, root)), wires, names)
+    return DeviceSet(
+        path.name, dict(_transforms(path.name, root)), wires, names, dict(_stated(path.name, root))
+    )
 
 
 def parse_xml(name: str, text: str) -> ET.Element:
@@ -99,6 +118,24 @@ def _transforms(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], 
             yield (match[2], match[1]), _matrix(name, match[0], element.get("MatrixValue"))
 
 
+def _stated(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], Stated]]:
+    """What is said of the transforms of CoordinateDefinitions, each of which is there once.
+
+    Raises:
+        InputError: one is there twice with different matrices: which of them counts would depend on the program.
+    """
+    known: dict[tuple[str, str], str] = {}
+    for element in root.iterfind("CoordinateDefinitions/Transform"):
+        key = element.get("To", ""), element.get("From", "")
+        matrix = " ".join((element.get("Matrix") or "").split())
+        if known.setdefault(key, matrix) != matrix:
+            raise InputError(f"{name}: defines {key[1]}To{key[0]} twice, differently; delete all but one")
+        error = _numbers(element.get("Error"))
+        # PLUS writes -1 where it knows none.
+        sound = error is not None and len(error) == 1 and error[0] >= 0
+        yield key, Stated(float(error[0]) if sound and error is not None else None, element.get("Date", ""))
+
+
 def _matrix(name: str, transform: str, text: str | None) -> Array:
     numbers = _numbers(text)
     if numbers is None or len(numbers) != 16:
@@ -106,7 +143,14 @@ def _matrix(name: str, transform: str, text: str | None) -> Array:
             f"{name}: Transform {transform} needs a Matrix of 16 finite numbers; got {str(text)[:60]!r}"
         )
     matrix = numbers.reshape(4, 4)
-    if not np.array_equal(matrix[3], [0, 0, 0, 1]) or abs(np.linalg.det(matrix)) < 1e-12:
+    if np.array_equal(matrix[:, 3], [0, 0, 0, 1]) and not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise InputError(
+            f"{name}: Transform {transform} is transposed: its last column is 0 0 0 1; write it row by row, with the "
+            "translation in the last column"
+        )
+    # Against its own size: of metres per px the determinant is tiny.
+    size = np.prod(np.linalg.norm(matrix[:3, :3], axis=0))
+    if not np.array_equal(matrix[3], [0, 0, 0, 1]) or not abs(np.linalg.det(matrix)) > FLAT * size:
         raise InputError(f"{name}: Transform {transform} cannot be inverted, or its last row is not 0 0 0 1")
     return matrix
 

@@ -1,0 +1,181 @@
+"""What the command line shows of a matrix that other software made: what it means, and what it is worth."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.padding import Padding
+from rich.text import Text
+
+from sonocal.cli.screen.parts import finding, print_findings, verdict_text
+from sonocal.cli.screen.tables import MatrixRows, NumberTable
+from sonocal.existing import Existing, Matrices, meaning_of
+from sonocal.existing.difference import Difference
+from sonocal.existing.meaning import matrix_findings
+from sonocal.existing.worth import MATRIX_ALONE, Worth
+from sonocal.geometry import Array, Similarity
+from sonocal.validation import CANNOT_SHOW, Quantity, give_verdict
+
+__all__ = ["existing_record", "print_difference", "print_existing", "print_worth", "remarks", "tip_sentences"]
+
+# Of a rotation's entries: a tip that PLUS wrote may be turned, so that its x axis lies along the shaft.
+UNTURNED = 1e-6
+
+
+def print_existing(console: Console, existing: Existing) -> None:
+    """What is odd first, then the matrix and its meaning."""
+    print_findings(console, matrix_findings(existing), "warning")
+    console.print(_matrix(existing))
+    print_findings(console, matrix_findings(existing), "info")
+
+
+def print_worth(console: Console, worth: Worth, apart: Difference | None = None) -> None:
+    """The answer, the numbers, how far from ours, what it means, what cannot be said."""
+    console.print(Text(worth.sentence, style="bold"))
+    if worth.own is not None:
+        console.print(Text("Ours: ").append_text(verdict_text(give_verdict(worth.own))))
+    console.print()
+    if worth.quantities:
+        console.print(_numbers(worth))
+        console.print(Text("What they are:", style="bold"))
+        for title, definition in _definitions(worth):
+            console.print(_indented(f"{title}: {definition}."))
+        console.print()
+    if worth.difference is not None:
+        print_difference(console, worth.difference, "Against our own calibration of the same rows, mm")
+    if apart is not None:
+        print_difference(console, apart, "Against the other calibration, mm")
+    console.print(_matrix(worth.existing))
+    console.print(Text(f"{CANNOT_SHOW}:", style="bold"))
+    console.print(_indented(MATRIX_ALONE))
+    print_findings(console, worth.diagnostics)
+
+
+def print_difference(console: Console, apart: Difference, title: str) -> None:
+    """How far apart at the corners, turned by how much, with which scales."""
+    known = apart.known_mm is not None
+    table = NumberTable(title, "apart", *((f"{apart.other} known to (95 %)",) if known else ()))
+    for place, distance, one in apart.rows:
+        table.add_row(f"at {place} px", f"{distance:.2f}", *([] if one is None else [f"{one:.2f}"]))
+    console.print(table)
+    console.print(Text(apart.sentence))
+    console.print(Text(f"Turned by {apart.rotation_deg:.2f} deg; {_scales_apart(apart)}."))
+    console.print()
+
+
+def remarks(existing: Existing) -> RenderableType:
+    """What is odd about a matrix that goes from one program to another, or its scale."""
+    u, v, _ = meaning_of(existing.matrix).scales_mm_per_px
+    said = Text(f"{existing.said}: {u:.5f} mm/px along u, {v:.5f} along v; no verdict is known of it.")
+    return Group(said, *map(finding, matrix_findings(existing)))
+
+
+def existing_record(existing: Existing) -> dict[str, Any]:
+    """A matrix and its meaning, for programs."""
+    meaning = meaning_of(existing.matrix)
+    return {
+        "file": existing.file,
+        "format": existing.format,
+        "transform": existing.transform,
+        "probe_from_image": existing.matrix,
+        "scale_mm_per_px": meaning.scales_mm_per_px,
+        "rotation_wxyz": Similarity(meaning.rotation, meaning.offset_mm, 1.0).quaternion_wxyz,
+        "translation_mm": meaning.offset_mm,
+        "axes_deg": meaning.uv_deg,
+        "stated_error_mm": existing.stated_error_mm,
+        "date": existing.date,
+    }
+
+
+def tip_sentences(matrices: Matrices) -> list[str]:
+    """What the transforms of tools' tips say, such as StylusTipToStylus of PLUS."""
+    said = []
+    for one in matrices:
+        source, _, target = one.name.partition("To")
+        if not source.lower().endswith("tip") or not target:
+            continue
+        place = ", ".join(f"{x:.2f}" for x in one.matrix[:3, 3])
+        turned = np.abs(one.matrix[:3, :3] - np.eye(3)).max() > UNTURNED
+        error = (
+            ""
+            if one.stated_error_mm is None
+            else f"; the file states an error of {one.stated_error_mm:.3g} mm"
+        )
+        along = "; turned, so that its axes lie along the tool" if turned else ""
+        said.append(f"{one.name} is a tool's tip: at ({place}) mm in the frame of {target}{along}{error}.")
+    return said
+
+
+def _matrix(existing: Existing) -> RenderableType:
+    title = f"{existing.said} ({existing.format}): mm in the probe marker's frame from px"
+    return Group(
+        Text(title, style="bold"),
+        MatrixRows(existing.matrix),
+        *(Text(sentence) for sentence in _meaning(existing)),
+        Text(),
+    )
+
+
+def _meaning(existing: Existing) -> list[str]:
+    meaning = meaning_of(existing.matrix)
+    u, v, w = meaning.scales_mm_per_px
+    directions = [_direction(column) for column in meaning.rotation.T]
+    place = ", ".join(f"{x:.2f}" for x in meaning.offset_mm)
+    said = [
+        f"Scale: {u:.5f} mm/px along u, {v:.5f} along v; third column {w:.5f}. The scale is inside the matrix.",
+        f"Axes in the marker's frame: u along {directions[0]}, v along {directions[1]}, {meaning.uv_deg:.2f} deg "
+        f"apart; their normal along {directions[2]}; turned by {meaning.rotation_deg:.1f} deg.",
+        f"The centre of the first pixel is at ({place}) mm.",
+    ]
+    if existing.stated_error_mm is not None:
+        date = f", of {existing.date}" if existing.date else ""
+        said.append(
+            f"The file states an error of {existing.stated_error_mm:.6g} mm{date}, computed as the program that made "
+            "it does."
+        )
+    return said
+
+
+def _direction(column: Array) -> str:
+    return "(" + ", ".join(f"{x:.3f}" for x in column) + ")"
+
+
+def _numbers(worth: Worth) -> NumberTable:
+    table = NumberTable(f"Errors on {worth.source}, mm", "value", "95 % interval", "spread", "from")
+    for q in _in_turn(worth):
+        interval = "unknown" if math.isnan(q.low_mm) else f"{q.low_mm:.2f} to {q.high_mm:.2f}"
+        found = f"{q.count} in {q.units} {q.unit}"
+        table.add_row(q.title, f"{q.value_mm:.3f}", interval, f"{q.spread_mm:.2f}", found)
+    return table
+
+
+def _in_turn(worth: Worth) -> list[Quantity]:
+    """Each number of the matrix, and ours below it."""
+    rest = list(worth.own_quantities)
+    both = []
+    for i, one in enumerate(worth.quantities):
+        both += [one, *rest[i : i + 1]]
+    return [*both, *rest[len(worth.quantities) :]]
+
+
+def _definitions(worth: Worth) -> list[tuple[str, str]]:
+    """One for each definition, whoever's the number is."""
+    known = {q.definition: q.title for q in reversed(_in_turn(worth))}
+    return [(title, definition) for definition, title in reversed(known.items())]
+
+
+def _scales_apart(apart: Difference) -> str:
+    parts = [
+        f"{mine:.5f} against {other:.5f} mm/px along {axis} ({100 * ratio:+.2f} %)"
+        for axis, mine, other, ratio in zip(
+            "uvw", apart.scales_mm_per_px, apart.other_scales_mm_per_px, apart.scale_ratios, strict=False
+        )
+    ]
+    return ", ".join(parts)
+
+
+def _indented(text: str) -> RenderableType:
+    return Padding(Text(text), (0, 0, 0, 2), expand=False)

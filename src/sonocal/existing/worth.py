@@ -1,0 +1,284 @@
+"""What a matrix of other software is worth on a table of sightings, beside our own calibration of the same rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sonocal.calibration import Calibration, calibrate, line_distances
+from sonocal.calibration.held_out import independent_units
+from sonocal.errors import InputError, SonocalError
+from sonocal.existing.difference import Difference, difference
+from sonocal.existing.matrix import Existing
+from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
+from sonocal.findings import Diagnostic, warnings_first
+from sonocal.geometry import Array
+from sonocal.observations import Observations
+from sonocal.registration.options import Model
+from sonocal.validation import (
+    PointSightings,
+    Quantity,
+    fixed_point_spread,
+    leave_one_frame_out,
+    nwire_error,
+    reconstruction_accuracy,
+)
+from sonocal.validation.quantity import rms_quantity
+
+__all__ = ["MATRIX_ALONE", "Worth", "model_like", "worth_of", "worth_on_points"]
+
+MATRIX_ALONE = (
+    "The file has a matrix and nothing of what it was made from: no error is predicted and no verdict given. What was "
+    "measured here is all that is known of it; if it was made from these very sightings, its error is that of a fit."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Worth:
+    """What is known of a matrix once rows were compared with it.
+
+    Attributes:
+        existing: the matrix.
+        source, sha256: of the rows.
+        quantities: of the matrix.
+        own: our calibration of the same rows; None where there is none.
+        own_quantities: the same of ours, on rows that it was not fitted to.
+        difference: from ours; None where there is none.
+        diagnostics: what is odd about the matrix, and what the rows say of it; warnings first.
+    """
+
+    existing: Existing
+    source: str
+    sha256: str
+    quantities: tuple[Quantity, ...]
+    own: Calibration | None = None
+    own_quantities: tuple[Quantity, ...] = ()
+    difference: Difference | None = None
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The answer in one or two sentences."""
+        if not self.quantities:
+            return f"Nothing was measured of {self.existing.said}."
+        said = f"On {self.source}, {self.existing.said} is off by {_with_interval(self.quantities[0])}"
+        if not self.own_quantities or self.difference is None:
+            return f"{said}."
+        ours = (
+            f"where our own calibration of the same rows is off by {_with_interval(self.own_quantities[0])}"
+        )
+        return f"{said}, {ours}. {self.difference.sentence}"
+
+
+def worth_of(
+    existing: Existing,
+    observations: Observations,
+    *,
+    split: str | None = None,
+    nwires: Sequence[tuple[str, str, str]] = (),
+    own: Calibration | None = None,
+    scanner_mm_per_px: float | None = None,
+) -> Worth:
+    """Compare a matrix with rows, and with our own calibration of them.
+
+    Both are measured on rows that ours was not fitted to: those of `split`, where one is named, and ours is fitted to
+    the others; else frame by frame, each under ours fitted to all other frames, on the rows that agree with ours.
+
+    Args:
+        existing: the matrix.
+        observations: sightings that it was not fitted to.
+        split: the rows to measure on.
+        nwires: the targets (left, middle, right) of each N of an N-wire phantom.
+        own: our calibration of all rows, where it is made already.
+        scanner_mm_per_px: what the scanner says.
+
+    Raises:
+        InputError: there is no such split.
+    """
+    rows = observations if split is None else observations.select_split(split)
+    own, refused = (own, None) if own is not None and split is None else _own(existing, observations, split)
+    if own is not None and split is None and len(own.inlier) == len(rows) and own.inlier.any():
+        rows = rows.select(own.inlier)
+    numbers = _Numbers()
+    failures: list[Diagnostic] = []
+    for of, found in ((numbers.theirs, existing), (numbers.ours, own)):
+        if found is not None:
+            failures += _measure(of, found, rows, nwires, held_out=split is not None)
+    area = _area(rows, own)
+    apart = None if own is None else difference(existing, own, area, "ours")
+    findings = [
+        *([] if refused is None else [_not_calibrated(refused)]),
+        *matrix_findings(existing, observations.dimension),
+        *_worse(existing, numbers, apart),
+        *_scanner(existing, scanner_mm_per_px),
+        *failures,
+    ]
+    return Worth(
+        existing,
+        observations.source,
+        observations.sha256,
+        tuple(numbers.theirs),
+        own,
+        tuple(numbers.ours),
+        apart,
+        warnings_first(findings),
+    )
+
+
+def worth_on_points(existing: Existing, sightings: PointSightings) -> Worth:
+    """Compare a matrix with points whose place, or whose probe's pose, is known.
+
+    Raises:
+        InputError: the points have neither.
+    """
+    found = []
+    if sightings.points_mm is not None:
+        found.append(reconstruction_accuracy(existing.probe_from_image, sightings))
+    if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
+        found.append(fixed_point_spread(existing.probe_from_image, sightings))
+    if not found:
+        raise InputError(f"{sightings.source}: gives no number; it needs places or poses of its points")
+    findings = matrix_findings(existing, sightings.points_px.shape[1])
+    return Worth(existing, sightings.source, sightings.sha256, tuple(found), diagnostics=findings)
+
+
+def model_like(existing: Existing, dimension: int) -> Model:
+    """The model that has as many scales as a matrix: what ours is compared in."""
+    unequal = abs(meaning_of(existing.matrix).unequal) > UNEQUAL
+    return "anisotropic" if unequal and dimension == 2 else "similarity"
+
+
+class _Numbers:
+    """Quantities of the two."""
+
+    def __init__(self) -> None:
+        self.theirs: list[Quantity] = []
+        self.ours: list[Quantity] = []
+
+
+def _own(
+    existing: Existing, observations: Observations, split: str | None
+) -> tuple[Calibration | None, SonocalError | None]:
+    """Our calibration of the rows that are not measured on, or why there is none."""
+    model = model_like(existing, observations.dimension)
+    try:
+        return calibrate(observations, model=model, test_split=split), None
+    except SonocalError as error:
+        return None, error
+
+
+def _measure(
+    numbers: list[Quantity],
+    found: Existing | Calibration,
+    rows: Observations,
+    nwires: Sequence[tuple[str, str, str]],
+    *,
+    held_out: bool,
+) -> Iterator[Diagnostic]:
+    """Adds the numbers of one of the two; yields what has no answer."""
+    ours = isinstance(found, Calibration)
+    who = "Ours" if ours else "This matrix"
+    try:
+        if isinstance(found, Calibration) and not held_out:
+            left_out = leave_one_frame_out(found, rows)
+            numbers.append(replace(left_out, title="Ours, one frame left out"))
+        else:
+            numbers.append(_from_lines(found, rows, f"{who}, held-out rows" if held_out else who))
+        if nwires:
+            error = nwire_error(found.probe_from_image, rows, nwires)
+            numbers.append(replace(error, title=f"{who}, {error.title}"))
+    except SonocalError as error:
+        yield Diagnostic(
+            code="not-computed",
+            severity="info",
+            message=f"the error of {'our own calibration' if ours else 'the matrix'} was not computed: {error}",
+            advice="scan more, or name the targets and splits, to have it",
+        )
+
+
+def _from_lines(found: Existing | Calibration, rows: Observations, title: str) -> Quantity:
+    return rms_quantity(
+        "held-out",
+        title,
+        "distance of a mapped image point to its line, rms",
+        line_distances(found.probe_from_image, rows),
+        independent_units(found.probe_from_image, rows),
+    )
+
+
+def _area(rows: Observations, own: Calibration | None) -> Array:
+    """(2, d): the image where its size is known, else what was seen of it."""
+    if own is not None:
+        return own.area_px
+    return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])
+
+
+def _worse(existing: Existing, numbers: _Numbers, apart: Difference | None) -> Iterator[Diagnostic]:
+    """Where the matrix leaves more error than ours, beyond what either is unsure by."""
+    if not numbers.theirs or not numbers.ours or apart is None:
+        return
+    theirs, ours = numbers.theirs[0], numbers.ours[0]
+    if not theirs.low_mm > ours.high_mm:
+        return
+    yield Diagnostic(
+        code="worse-than-ours",
+        severity="warning",
+        message=(
+            f"{existing.said} is off by {_with_interval(theirs)} where our own calibration, on the same rows, is off "
+            f"by {_with_interval(ours)}"
+        ),
+        advice=_why(apart) + "; export ours with sonocal export",
+    )
+
+
+def _why(apart: Difference) -> str:
+    """What differs most, and what does that."""
+    ratio = apart.scale_ratios
+    if np.abs(ratio).max() > UNEQUAL:
+        return (
+            f"its mm/px differ by {100 * ratio[np.argmax(np.abs(ratio))]:+.1f} %: look for another depth setting, or "
+            "images that were resampled or cropped since"
+        )
+    return (
+        f"its mm/px agree and it is turned by {apart.rotation_deg:.2f} deg: look for a marker that was moved on the "
+        "probe, or a needle or phantom that was measured otherwise"
+    )
+
+
+def _scanner(existing: Existing, said: float | None) -> Iterator[Diagnostic]:
+    if said is None:
+        return
+    scales = meaning_of(existing.matrix).scales_mm_per_px[:2]
+    worst = int(np.argmax(np.abs(np.log(scales / said))))
+    off = float(scales[worst] / said - 1.0)
+    if abs(off) > UNEQUAL:
+        yield Diagnostic(
+            code="scale-differs-from-scanner",
+            severity="warning",
+            message=(
+                f"{existing.said} has {scales[worst]:.5f} mm/px along {'uv'[worst]} and the scanner says {said:.5f}: "
+                f"{100 * off:+.1f} %"
+            ),
+            advice=(
+                "check that frames are not resampled or cropped between scanner and recording, and that the depth "
+                "setting is the one that the matrix was made with"
+            ),
+        )
+
+
+def _not_calibrated(error: SonocalError) -> Diagnostic:
+    return Diagnostic(
+        code="not-computed",
+        severity="warning",
+        message=f"there is no calibration of our own to compare with: {error}",
+        advice="compare on rows that allow one",
+    )
+
+
+def _with_interval(quantity: Quantity) -> str:
+    value = f"{quantity.value_mm:.2f} mm"
+    if np.isnan(quantity.low_mm):
+        return value
+    return f"{value} ({quantity.low_mm:.2f} to {quantity.high_mm:.2f})"
