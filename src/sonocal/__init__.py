@@ -74,6 +74,7 @@ _PLACES["load"] = ("calibration", "load_calibration")
 # `sonocal.registration.register` and its like work after `import sonocal` alone.
 _FURTHER = (
     "detection",
+    "existing",
     "export",
     "registration",
     "report",

@@ -15,10 +15,12 @@ from rich.console import Console
 import sonocal as sc
 from sonocal.cli.main import main
 from sonocal.cli.screen.tables import MatrixRows, NumberTable
+from sonocal.export.plus import plus_xml
 from sonocal.recording import Poses, Recording
 from sonocal.recording.formats import write_recording
 from sonocal.simulation.scene import simulate_observations
 from tests.builders.recordings import random_recording
+from tests.builders.sound import TFM
 from tests.builders.targets import LINE, PHANTOM, POINT
 from tests.builders.tracked_tools import pivoting, spinning
 
@@ -34,6 +36,10 @@ COMMANDS = {
     "demo": ("demo", "--no-report", "-o", "demo", "--overwrite"),
     "validate": ("validate", "calibration.json", "table.csv", "--no-report"),
     "compare": ("validate", "calibration.json", "table.csv", "--no-report", "--compare", "other.json"),
+    "matrix": ("info", "ImageToProbe.tfm"),
+    "plus": ("info", "plus.xml"),
+    "existing": ("validate", "plus.xml", "table.csv", "--compare", "ImageToProbe.tfm"),
+    "difference": ("validate", "calibration.json", "table.csv", "--no-report", "--compare", "plus.xml"),
     "tool": ("tool", "pivot.igs.mha", "--spin", "spin.igs.mha", "--tool", "Needle"),
     "study": ("study", "needles", "--trials", "3", "--no-figure", "-o", "study"),
 }
@@ -58,6 +64,8 @@ def files(tmp_path_factory):
         needle = Poses.of("Needle", "Tracker", matrices)
         recording = Recording(times=np.arange(len(matrices)) / 20, poses={needle.name: needle})
         write_recording(recording, folder / f"{name}.igs.mha")
+    (folder / "plus.xml").write_bytes(plus_xml(sc.load(folder / "other.json")))
+    (folder / "ImageToProbe.tfm").write_bytes(TFM)
     (folder / "targets.toml").write_text(LINE + POINT)
     (folder / "devices.xml").write_text(PHANTOM)
     (folder / "points.csv").write_text("frame,u_px,v_px\n0,1,2\n")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sonocal as sc
+from sonocal.calibration.options import Options
 from sonocal.detection import detect
 from sonocal.errors import MirroredVolumeError
 from sonocal.geometry import homogeneous_points, predicted_points, similarity_errors
@@ -22,7 +23,9 @@ from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 from sonocal.sweep import calibrate_candidates, calibrate_recording
+from sonocal.sweep.choice import calibrate_chosen
 from sonocal.targets import read_lines
+from tests.builders.similarities import random_similarity
 from tests.builders.sweeps import scan_of
 
 
@@ -54,6 +57,35 @@ def test_the_right_one_of_five_candidates_is_chosen(seed):
     angle, distance, _ = similarity_errors(found.calibration.probe_from_image, scene.probe_from_image)
     assert np.degrees(angle) < 1.5
     assert distance < 2.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_start_that_is_right_or_wrong_changes_nothing_where_many_agree(seed):
+    scene = simulate_observations(2, 120, seed=seed)
+    table, _ = with_decoys(scene.observations, 4, hidden=0.2, seed=seed)
+    asked = Options.of(seed=seed)
+    alone = calibrate_chosen(table, asked, 0)
+    for start in (scene.probe_from_image, random_similarity(seed + 9, 0.24)):
+        told = calibrate_chosen(table, asked, 0, start=start)
+        np.testing.assert_array_equal(told.chosen, alone.chosen)
+
+
+def test_a_start_that_is_right_is_enough_where_a_first_look_finds_few():
+    """Without it so few agree by chance; with it they are far more than by chance, and the second look has the rest."""
+    scene = simulate_observations(2, 120, seed=1)
+    table, right = with_decoys(scene.observations, 4, hidden=0.9, seed=1)
+    everything = with_decoys(scene.observations, 0, hidden=0.0)[0]
+    asked, known = Options.of(), set(table.frame[right].tolist())
+
+    def again(transform, near, within_mm):
+        return everything.select(~np.isin(everything.frame, sorted(known)))
+
+    with pytest.raises(sc.NoConsensusError):
+        calibrate_chosen(table, asked, 120, again)
+    found = calibrate_chosen(table, asked, 120, again, start=scene.probe_from_image)
+    assert found.used > 100
+    angle, _, _ = similarity_errors(found.calibration.probe_from_image, scene.probe_from_image)
+    assert np.degrees(angle) < 1.5
 
 
 def test_no_image_gives_more_than_one_row():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -101,6 +102,8 @@ def validate_existing(
             own=measured.own,
             scanner_mm_per_px=scanner_mm_per_px,
         )
+        if measured.recording is not None:
+            worth = replace(worth, source=measured.recording.name)
     area = _box(seen) if worth.own is None else worth.own.area_px
     apart = None if other is None else difference(existing, other, area, "the other")
     if as_json:

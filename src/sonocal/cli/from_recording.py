@@ -19,6 +19,7 @@ from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
+    from sonocal.geometry import AxisScaled
     from sonocal.observations import Observations
     from sonocal.recording import Recording
     from sonocal.targets import Line
@@ -48,7 +49,13 @@ class Result(NamedTuple):
 
 
 def from_recording(
-    source: Path, lines: Path, output: Path | None, recorded: dict[str, Any], options: dict[str, Any]
+    source: Path,
+    lines: Path,
+    output: Path | None,
+    recorded: dict[str, Any],
+    options: dict[str, Any],
+    *,
+    start: AxisScaled | None = None,
 ) -> Result:
     """Calibrate from a recording.
 
@@ -58,6 +65,7 @@ def from_recording(
         output: where the contact sheet stays if no calibration is found; nowhere if None.
         recorded: options of recordings and of detection.
         options: of `sonocal.calibrate`.
+        start: a transform that may be near, by which candidates may be chosen.
     """
     from sonocal.cli.formats import kind_of, lines_in
     from sonocal.observations.table_file import as_file
@@ -76,7 +84,7 @@ def from_recording(
         result = _from_points(recording, known, recorded["points"], how)
     else:
         how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
-        result = _from_images(recording, known, output, how | looking(recording, recorded))
+        result = _from_images(recording, known, output, how | looking(recording, recorded), start)
     table, rows = as_file(result.rows, TABLE)
     found = _with_provenance(result.calibration, rows, {"recording": source, "lines": lines}, recorded)
     return Result(rows, found, {TABLE: table, **result.files}, recording)
@@ -105,7 +113,11 @@ def _from_points(recording: Recording, lines: Sequence[Line], points: Path, how:
 
 
 def _from_images(
-    recording: Recording, lines: Sequence[Line], output: Path | None, how: dict[str, Any]
+    recording: Recording,
+    lines: Sequence[Line],
+    output: Path | None,
+    how: dict[str, Any],
+    start: AxisScaled | None,
 ) -> Result:
     """Find the needle in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
     from sonocal.files.png import png
@@ -116,7 +128,7 @@ def _from_images(
     with progress("detecting") as report:
         seen = sweep.detector.detect(report)
     try:
-        found = sweep.calibrate(seen)
+        found = sweep.calibrate(seen, start)
     except SonocalError:
         if output is not None:
             _show_candidates(output, png(contact_sheet(recording, seen)))

@@ -16,7 +16,7 @@ from sonocal.cli.options import (
     console,
     progress,
 )
-from sonocal.cli.screen.plain import say, say_json
+from sonocal.cli.screen.plain import say_json
 from sonocal.cli.told import table_doubts, unit_doubts
 
 if TYPE_CHECKING:
@@ -136,6 +136,8 @@ def _device_set(_: str, found: DeviceSet) -> Shown:
 
 def _matrices(_: str, found: Matrices) -> Shown:
     """All of a file that may be from an image; what else is known by name is said in a sentence."""
+    from rich.text import Text
+
     from sonocal.cli.screen.existing import existing_record, print_existing, tip_sentences
     from sonocal.existing.choice import candidates
     from sonocal.existing.meaning import matrix_findings
@@ -147,7 +149,7 @@ def _matrices(_: str, found: Matrices) -> Shown:
         for one in each:
             print_existing(console(), one)
         for sentence in tips:
-            say(sentence)
+            console().print(Text(sentence))
 
     record = [existing_record(one) | {"diagnostics": matrix_findings(one)} for one in each]
     return record or {"tips": tips}, show

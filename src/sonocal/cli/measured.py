@@ -14,9 +14,10 @@ from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
+    from sonocal.existing import Existing
+    from sonocal.geometry import AxisScaled
     from sonocal.observations import Observations
     from sonocal.recording import Recording
-    from sonocal.registration.options import Model
     from sonocal.validation import PointSightings
 
 __all__ = ["OF_RECORDINGS", "Measured", "read_measured"]
@@ -54,8 +55,8 @@ def read_measured(
     source: Path,
     lines: Path | None,
     recorded: dict[str, Any],
+    found: Calibration | Existing,
     *,
-    model: Model,
     crosswire: bool,
     nwires: NWires,
     split: str | None,
@@ -66,7 +67,7 @@ def read_measured(
         source: the table or the recording.
         lines: of a recording: the needle or wires.
         recorded: options of recordings and of detection.
-        model: of the calibration that a recording's sightings are chosen by.
+        found: what is measured: of a recording, sightings may be chosen by it, and ours has the same model.
         crosswire: a table is of points, whatever its columns.
         nwires: as given; of a recording by default those of its device set.
         split: as given.
@@ -80,8 +81,20 @@ def read_measured(
         raise click.UsageError(
             f"{'--crosswire' if crosswire else '--split'} is for tables; leave out --lines"
         )
-    result = from_recording(source, lines, None, recorded, {"model": model})
+    options, start = _like(found)
+    result = from_recording(source, lines, None, recorded, options, start=start)
     return Measured(result.rows, None, result.calibration, result.recording, nwires or _patterns(lines))
+
+
+def _like(found: Calibration | Existing) -> tuple[dict[str, Any], AxisScaled]:
+    """Options of a calibration as one that is there, and where to start."""
+    from sonocal.existing import Existing
+    from sonocal.existing.meaning import unsheared
+    from sonocal.existing.worth import model_like
+
+    if isinstance(found, Existing):
+        return {"model": model_like(found, 2)}, unsheared(found.matrix)
+    return {"model": found.model}, found.probe_from_image
 
 
 def _table(source: Path, *, crosswire: bool, nwires: NWires) -> Measured:

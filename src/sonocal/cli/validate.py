@@ -129,7 +129,6 @@ def validate(
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.formats import calibration_in
     from sonocal.existing import Existing
-    from sonocal.existing.worth import model_like
 
     choice, recorded = (
         choice_of(options),
@@ -142,8 +141,7 @@ def validate(
     others = [None if path is None else calibration_in(path, choice) for path in (compare, expected)]
     refuse_choice(found, *others)
     how = {"crosswire": options.pop("crosswire"), "nwires": options.pop("nwires"), "split": options["split"]}
-    model = model_like(found, 2) if isinstance(found, Existing) else found.model
-    measured = read_measured(source, lines, recorded, model=model, **how)
+    measured = read_measured(source, lines, recorded, found, **how)
     if isinstance(found, Existing):
         of_matrix = {name: options[name] for name in ("split", "scanner_mm_per_px")}
         validate_existing(found, others[0], measured, **of_matrix, as_json=as_json)

@@ -205,8 +205,8 @@ def _by_scale(file: str, stored: Stored, form: Form) -> Diagnostic:
         code="direction-by-scale",
         severity="info",
         message=(
-            f"{file} does not say which way its matrix goes: it was read {AS[form]}, with {here:.4g} mm/px; "
-            f"read {AS[OTHER_FORM[form]]}, it would have {otherwise:.4g}"
+            f"the matrix of {file} was read {AS[form]}, with {here:.4g} mm/px, since the file does not say which way "
+            f"it goes; read {AS[OTHER_FORM[form]]}, it would have {otherwise:.4g}"
         ),
         advice=f"if it is the other, give --stored-as {OTHER_FORM[form]}",
     )
@@ -217,7 +217,7 @@ def _transposed(file: str) -> Diagnostic:
         code="transposed-matrix",
         severity="warning",
         message=(
-            f"{file} has its matrix transposed: the translation stands in the last row, and the last column is "
+            f"the matrix of {file} is transposed: its translation stands in the last row, and its last column is "
             "0 0 0 1; it was turned back"
         ),
         advice="mind it in other software: points are columns there, and the translation is the last column",

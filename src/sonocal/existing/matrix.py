@@ -111,7 +111,7 @@ class Existing:
     @property
     def said(self) -> str:
         """What it is, in words: ``ImageToProbe of plus.xml``."""
-        return f"{self.transform} of {self.file}" if self.transform else self.file
+        return f"{self.transform or 'the matrix'} of {self.file}"
 
 
 def checked(where: str, matrix: Array, name: str = "", **more: Any) -> Stored:

@@ -9,10 +9,10 @@ import numpy as np
 
 from sonocal.existing.matrix import Existing
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array
+from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.units import LEAST_SCALE, MOST_SCALE, UNITS, USUAL_SCALE, Hint
 
-__all__ = ["UNUSABLE", "Meaning", "matrix_findings", "meaning_of"]
+__all__ = ["UNUSABLE", "Meaning", "matrix_findings", "meaning_of", "unsheared"]
 
 # Findings by which a matrix is none from px to mm.
 UNUSABLE = {"implausible-units", "inverted-matrix", "rigid-matrix"}
@@ -86,6 +86,13 @@ def meaning_of(matrix: Array) -> Meaning:
         uv_deg=float(np.degrees(np.arctan2(across, u @ v))),
         third_deg=float(np.degrees(np.arccos(np.clip(normal @ w / across, -1.0, 1.0)))),
     )
+
+
+def unsheared(matrix: Array) -> AxisScaled:
+    """The nearest transform of an image that no scanner shears, with the scales of u and v."""
+    meaning = meaning_of(matrix)
+    u, v, _ = meaning.scales_mm_per_px
+    return AxisScaled(meaning.rotation, meaning.offset_mm, np.array([u, v, np.sqrt(u * v)]))
 
 
 def matrix_findings(existing: Existing, dimension: int | None = None) -> tuple[Diagnostic, ...]:

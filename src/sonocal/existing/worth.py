@@ -66,9 +66,7 @@ class Worth:
         said = f"On {self.source}, {self.existing.said} is off by {_with_interval(self.quantities[0])}"
         if not self.own_quantities or self.difference is None:
             return f"{said}."
-        ours = (
-            f"where our own calibration of the same rows is off by {_with_interval(self.own_quantities[0])}"
-        )
+        ours = f"where our own calibration, not fitted to them, is off by {_with_interval(self.own_quantities[0])}"
         return f"{said}, {ours}. {self.difference.sentence}"
 
 
@@ -216,11 +214,12 @@ def _area(rows: Observations, own: Calibration | None) -> Array:
 
 
 def _worse(existing: Existing, numbers: _Numbers, apart: Difference | None) -> Iterator[Diagnostic]:
-    """Where the matrix leaves more error than ours, beyond what either is unsure by."""
-    if not numbers.theirs or not numbers.ours or apart is None:
+    """Where the matrix leaves more error than ours, and is further from it than ours leaves open."""
+    if not numbers.theirs or not numbers.ours or apart is None or apart.beyond is None:
         return
     theirs, ours = numbers.theirs[0], numbers.ours[0]
-    if not theirs.low_mm > ours.high_mm:
+    # Few wires hold ours loosely while it fits their neighbours in time: then the matrix may be the better one.
+    if not theirs.low_mm > ours.high_mm or not apart.beyond.any():
         return
     yield Diagnostic(
         code="worse-than-ours",

@@ -23,7 +23,7 @@ from sonocal.calibration import Calibration, calibrate
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError, require
-from sonocal.geometry import Array
+from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health
 from sonocal.recording.health import Progress
@@ -125,8 +125,13 @@ class Sweep:
         detector = detector_of(recording, asked.detection)
         return cls(recording, lines, asked, detector, asked.posing.segments_mm(recording, lines))
 
-    def calibrate(self, detections: Detections) -> CandidateCalibration:
+    def calibrate(self, detections: Detections, start: AxisScaled | None = None) -> CandidateCalibration:
         """Choose among what was detected, look again, and calibrate.
+
+        Args:
+            detections: what was found.
+            start: a transform that may be near, such as another's calibration of the probe: candidates are chosen
+                by it, where more agree with it than with what they agree on by themselves.
 
         Raises:
             NoConsensusError, DegenerateGeometryError: as `calibrate_recording`.
@@ -145,7 +150,9 @@ class Sweep:
         total, across = images * len(self.lines), self._across()
         suspects = _suspects(self.recording, self.lines, detections, self.options)
         with suspects.explaining():
-            found = calibrate_chosen(table, self.options, total, look, most_mm=most_mm, across=across)
+            found = calibrate_chosen(
+                table, self.options, total, look, most_mm=most_mm, across=across, start=start
+            )
         judged = suspects.judging(found.calibration, found.used, found.sightings)
         wider = with_pose_errors(judged, found.observations, self.recording, self.options.posing)
         recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)

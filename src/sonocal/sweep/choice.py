@@ -122,16 +122,17 @@ def calibrate_chosen(
     *,
     most_mm: float = MOST_MM,
     across: Array | None = None,
+    start: AxisScaled | None = None,
 ) -> CandidateCalibration:
     """As `calibrate_candidates`, with checked options.
 
     `most_mm` is the threshold where that is "auto"; `across` (F, 2, 3) are two axes across the needle that turn with
-    it, in the probe's frame.
+    it, in the probe's frame; `start` is a transform that may be near: another's calibration of the probe.
     """
     within_mm = most_mm if options.threshold_mm == "auto" else float(options.threshold_mm)
     table = Candidates(candidates, options, within_mm)
     total = max(sightings, table.count)
-    transform, first = _settled(table, _first_consensus(table, total))
+    transform, first = _settled(table, _first_consensus(table, total, start))
     table, settled = _looked_again(table, look_again, transform, first)
     chosen, twin = _upper(table, *settled, across)
     used = table.agreeing(chosen)
@@ -147,11 +148,12 @@ def calibrate_chosen(
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
 
 
-def _first_consensus(table: Candidates, total: int) -> AxisScaled:
+def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) -> AxisScaled:
     """The transform that the most sightings beyond chance agree with, tried on ever lower ranks."""
-    best: _Agreeing | None = None
+    told = None if start is None else _Agreeing.of(table, start)
+    best = told
     refusal: SonocalError | None = None
-    for most in RANKS:
+    for most in RANKS if told is None or not told.is_enough(total) else ():
         keep = table.rank < most
         try:
             found = _Agreeing.of(table, table.fit(keep).transform)
@@ -167,7 +169,9 @@ def _first_consensus(table: Candidates, total: int) -> AxisScaled:
         raise refusal
     if best is None:
         raise _nothing_found(table, total, 0)
-    if best.count < _least_agreeing(table, total) or best.may_be_chance(table):
+    # What was told beforehand was not chosen among many: far more than by chance is no chance, however few.
+    few = best.count < _least_agreeing(table, total) and not (best is told and best.is_far_more)
+    if few or best.may_be_chance(table):
         raise _nothing_found(table, total, best.count)
     return best.transform
 

@@ -69,7 +69,8 @@ def print_difference(console: Console, apart: Difference, title: str) -> None:
 def remarks(existing: Existing) -> RenderableType:
     """What is odd about a matrix that goes from one program to another, or its scale."""
     u, v, _ = meaning_of(existing.matrix).scales_mm_per_px
-    said = Text(f"{existing.said}: {u:.5f} mm/px along u, {v:.5f} along v; no verdict is known of it.")
+    name = existing.said[:1].upper() + existing.said[1:]
+    said = Text(f"{name}: {u:.5f} mm/px along u, {v:.5f} along v; no verdict is known of it.")
     return Group(said, *map(finding, matrix_findings(existing)))
 
 
@@ -110,7 +111,8 @@ def tip_sentences(matrices: Matrices) -> list[str]:
 
 
 def _matrix(existing: Existing) -> RenderableType:
-    title = f"{existing.said} ({existing.format}): mm in the probe marker's frame from px"
+    said = existing.said[:1].upper() + existing.said[1:]
+    title = f"{said} ({existing.format}): mm in the probe marker's frame from px"
     return Group(
         Text(title, style="bold"),
         MatrixRows(existing.matrix),
