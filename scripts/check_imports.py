@@ -30,7 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "simulation": {"recording", "recording.formats", "observations", "targets"},
     "export": {"existing", "calibration", "validation"},
     "report": {"calibration", "validation", "observations", "registration"},
-    "existing": {"validation", "calibration", "registration", "observations", "targets"},
+    "existing": {"validation", "calibration", "setup_checks", "registration", "observations", "targets"},
     "validation": {"calibration", "setup_checks", "observations", "registration"},
     "sweep": {
         "calibration",

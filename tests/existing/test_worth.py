@@ -9,7 +9,7 @@ import pytest
 import sonocal as sc
 from sonocal.existing import Existing
 from sonocal.existing.difference import difference
-from sonocal.existing.worth import worth_of, worth_on_points
+from sonocal.existing.worth import Said, worth_of, worth_on_points
 from sonocal.geometry import AxisScaled
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import PointSightings, held_out
@@ -137,10 +137,37 @@ def test_the_scanners_scale_is_compared_with_the_matrix():
     rows, truth = scene()
     (finding,) = [
         one
-        for one in worth_of(existing(truth), rows, scanner_mm_per_px=0.2).diagnostics
+        for one in worth_of(existing(truth), rows, said=Said((0.2,), "the scanner")).diagnostics
         if one.code == "scale-differs-from-scanner"
     ]
     assert "0.24000 mm/px along u and the scanner says 0.20000: +20.0 %" in finding.message
+
+
+CAUSES = {
+    (0.24 / 1.05, 0.24 / 1.05): "both axes differ alike",
+    (0.24, 0.24 / 0.96): "it is depth alone: sound of another speed",
+    (0.24 * 1.1, 0.24 / 1.1): "the axes differ unlike one another",
+}
+
+
+@pytest.mark.parametrize("said", CAUSES)
+def test_what_makes_a_scale_differ_is_said_by_how_the_axes_do(said):
+    rows, truth = scene()
+    worth = worth_of(existing(truth), rows, said=Said(said, "the recording (its header)"))
+    (finding,) = [one for one in worth.diagnostics if one.code == "scale-differs-from-scanner"]
+    assert CAUSES[said] in finding.advice
+    assert "the recording (its header) says" in finding.message
+    assert worth.scale_sentence.startswith(
+        f"The recording (its header) says {said[0]:.5f} x {said[1]:.5f} mm/px: "
+    )
+
+
+def test_a_scale_that_agrees_is_said_and_is_no_finding():
+    rows, truth = scene()
+    worth = worth_of(existing(truth), rows, said=Said((0.24,), "the scanner"))
+    assert "scale-differs-from-scanner" not in codes(worth)
+    assert "this matrix has +0.0 % along u and +0.0 % along v, ours " in worth.scale_sentence
+    assert worth_of(existing(truth), rows).scale_sentence == ""
 
 
 def test_known_points_measure_a_matrix():

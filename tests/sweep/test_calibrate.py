@@ -297,3 +297,24 @@ def test_a_recording_without_images_is_refused():
     scan = scan_of(frames=False)
     with pytest.raises(sc.InputError, match="has no images to look for a needle in"):
         calibrated(scan)
+
+
+def test_mm_per_px_that_the_recording_states_are_compared(decoyed):
+    """Unless the user says others."""
+    image = decoyed.recording.image
+    right = float(decoyed.probe_from_image.scale)
+
+    def codes(factor, **options):
+        spacing = (factor * right,) * image.dimension
+        stated = replace(
+            decoyed, recording=replace(decoyed.recording, image=replace(image, spacing_mm=spacing))
+        )
+        found = calibrated(stated, **options).calibration
+        return [one for one in found.warnings if one.code == "scale-differs-from-scanner"]
+
+    assert codes(1.0) == []
+    (finding,) = codes(1.1)
+    assert "the calibration has" in finding.message
+    assert "and the recording (its header) says" in finding.message
+    assert finding.advice.startswith("both axes differ alike")
+    assert codes(1.1, scanner_mm_per_px=right) == []

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sonocal.cli.measured import Measured
     from sonocal.existing import Choice, Existing
     from sonocal.existing.difference import Difference
-    from sonocal.existing.worth import Worth
+    from sonocal.existing.worth import Said, Worth
 
 __all__ = [
     "apart_record",
@@ -100,7 +100,7 @@ def validate_existing(
             split=split,
             nwires=measured.nwires,
             own=measured.own,
-            scanner_mm_per_px=scanner_mm_per_px,
+            said=_said(scanner_mm_per_px, measured),
         )
         if measured.recording is not None:
             worth = replace(worth, source=measured.recording.name)
@@ -110,6 +110,17 @@ def validate_existing(
         say_json(_record(worth) | ({} if apart is None else {"comparison": apart_record(apart)}))
         return
     print_worth(console(), worth, apart)
+
+
+def _said(scanner_mm_per_px: float | None, measured: Measured) -> Said | None:
+    """What the user says of the mm/px, or else the recording."""
+    from sonocal.existing.worth import Said
+    from sonocal.recording import stated_scale
+
+    if scanner_mm_per_px is not None:
+        return Said((scanner_mm_per_px,), "the scanner")
+    stated = None if measured.recording is None else stated_scale(measured.recording)
+    return None if stated is None else Said(stated.mm_per_px, f"the recording ({stated.where})")
 
 
 def _box(points_px: Any) -> Any:
@@ -125,6 +136,7 @@ def _record(worth: Worth) -> dict[str, Any]:
 
     record: dict[str, Any] = {
         "sentence": worth.sentence,
+        "scale_sentence": worth.scale_sentence,
         "matrix": existing_record(worth.existing),
         "input": worth.source,
         "sha256": worth.sha256,

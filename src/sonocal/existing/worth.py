@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from sonocal.findings import Diagnostic, warnings_first
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.registration.options import Model
+from sonocal.setup_checks.scale import scale_doubt
 from sonocal.validation import (
     PointSightings,
     Quantity,
@@ -27,12 +29,24 @@ from sonocal.validation import (
 )
 from sonocal.validation.quantity import rms_quantity
 
-__all__ = ["MATRIX_ALONE", "Worth", "model_like", "worth_of", "worth_on_points"]
+__all__ = ["MATRIX_ALONE", "Said", "Worth", "model_like", "worth_of", "worth_on_points"]
 
 MATRIX_ALONE = (
     "The file has a matrix and nothing of what it was made from: no error is predicted and no verdict given. What was "
     "measured here is all that is known of it; if it was made from these very sightings, its error is that of a fit."
 )
+
+
+class Said(NamedTuple):
+    """What is said of the mm/px.
+
+    Attributes:
+        mm_per_px: one number, or one along u and one along v.
+        by: who says so, for messages.
+    """
+
+    mm_per_px: tuple[float, ...]
+    by: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +60,7 @@ class Worth:
         own: our calibration of the same rows; None where there is none.
         own_quantities: the same of ours, on rows that it was not fitted to.
         difference: from ours; None where there is none.
+        said: the mm/px that the scanner or the recording states.
         diagnostics: what is odd about the matrix, and what the rows say of it; warnings first.
     """
 
@@ -56,6 +71,7 @@ class Worth:
     own: Calibration | None = None
     own_quantities: tuple[Quantity, ...] = ()
     difference: Difference | None = None
+    said: Said | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
 
     @property
@@ -69,6 +85,19 @@ class Worth:
         ours = f"where our own calibration, not fitted to them, is off by {_with_interval(self.own_quantities[0])}"
         return f"{said}, {ours}. {self.difference.sentence}"
 
+    @property
+    def scale_sentence(self) -> str:
+        """The mm/px that are said beside those of the matrix and of ours; nothing where none are said."""
+        if self.said is None:
+            return ""
+        given = " x ".join(f"{s:.5f}" for s in self.said.mm_per_px)
+        theirs = meaning_of(self.existing.matrix).scales_mm_per_px
+        parts = [f"this matrix has {_against(theirs, self.said)}"]
+        if self.own is not None:
+            parts.append(f"ours {_against(self.own.probe_from_image.scales, self.said)}")
+        by = self.said.by[0].upper() + self.said.by[1:]
+        return f"{by} says {given} mm/px: {', '.join(parts)}."
+
 
 def worth_of(
     existing: Existing,
@@ -77,7 +106,7 @@ def worth_of(
     split: str | None = None,
     nwires: Sequence[tuple[str, str, str]] = (),
     own: Calibration | None = None,
-    scanner_mm_per_px: float | None = None,
+    said: Said | None = None,
 ) -> Worth:
     """Compare a matrix with rows, and with our own calibration of them.
 
@@ -90,7 +119,7 @@ def worth_of(
         split: the rows to measure on.
         nwires: the targets (left, middle, right) of each N of an N-wire phantom.
         own: our calibration of all rows, where it is made already.
-        scanner_mm_per_px: what the scanner says.
+        said: the mm/px that the scanner or the recording states.
 
     Raises:
         InputError: there is no such split.
@@ -110,7 +139,7 @@ def worth_of(
         *([] if refused is None else [_not_calibrated(refused)]),
         *matrix_findings(existing, observations.dimension),
         *_worse(existing, numbers, apart),
-        *_scanner(existing, scanner_mm_per_px),
+        *_scanner(existing, said),
         *failures,
     ]
     return Worth(
@@ -121,6 +150,7 @@ def worth_of(
         own,
         tuple(numbers.ours),
         apart,
+        said,
         warnings_first(findings),
     )
 
@@ -228,7 +258,7 @@ def _worse(existing: Existing, numbers: _Numbers, apart: Difference | None) -> I
             f"{existing.said} is off by {_with_interval(theirs)} where our own calibration, on the same rows, is off "
             f"by {_with_interval(ours)}"
         ),
-        advice=_why(apart) + "; export ours with sonocal export",
+        advice=_why(apart) + "; if nothing did, take ours: sonocal calibrate",
     )
 
 
@@ -241,30 +271,16 @@ def _why(apart: Difference) -> str:
             "images that were resampled or cropped since"
         )
     return (
-        f"its mm/px agree and it is turned by {apart.rotation_deg:.2f} deg: look for a marker that was moved on the "
-        "probe, or a needle or phantom that was measured otherwise"
+        f"its mm/px agree, it is turned by {apart.rotation_deg:.2f} deg and {apart.distance_mm[-1]:.2f} mm off in the "
+        "middle: look for a marker that was moved on the probe, or a needle or phantom that was measured otherwise"
     )
 
 
-def _scanner(existing: Existing, said: float | None) -> Iterator[Diagnostic]:
-    if said is None:
-        return
-    scales = meaning_of(existing.matrix).scales_mm_per_px[:2]
-    worst = int(np.argmax(np.abs(np.log(scales / said))))
-    off = float(scales[worst] / said - 1.0)
-    if abs(off) > UNEQUAL:
-        yield Diagnostic(
-            code="scale-differs-from-scanner",
-            severity="warning",
-            message=(
-                f"{existing.said} has {scales[worst]:.5f} mm/px along {'uv'[worst]} and the scanner says {said:.5f}: "
-                f"{100 * off:+.1f} %"
-            ),
-            advice=(
-                "check that frames are not resampled or cropped between scanner and recording, and that the depth "
-                "setting is the one that the matrix was made with"
-            ),
-        )
+def _scanner(existing: Existing, said: Said | None) -> Iterator[Diagnostic]:
+    """The matrix's mm/px, which are given without an uncertainty, against what is said."""
+    if said is not None:
+        scales = meaning_of(existing.matrix).scales_mm_per_px
+        yield from scale_doubt(scales, np.zeros(2), said.mm_per_px, existing.said, said.by)
 
 
 def _not_calibrated(error: SonocalError) -> Diagnostic:
@@ -274,6 +290,11 @@ def _not_calibrated(error: SonocalError) -> Diagnostic:
         message=f"there is no calibration of our own to compare with: {error}",
         advice="compare on rows that allow one",
     )
+
+
+def _against(scales: Array, said: Said) -> str:
+    ratios = scales[:2] / np.broadcast_to(said.mm_per_px[:2], (2,)) - 1.0
+    return f"{100 * ratios[0]:+.1f} % along u and {100 * ratios[1]:+.1f} % along v"
 
 
 def _with_interval(quantity: Quantity) -> str:

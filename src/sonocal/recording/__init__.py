@@ -5,6 +5,7 @@ from sonocal.recording.health import Summary, ToolSummary, health, summarize
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 from sonocal.recording.poses import Poses
 from sonocal.recording.signals import bottom_line_signal
+from sonocal.recording.stated import StatedScale, stated_scale
 from sonocal.recording.timing import (
     Lag,
     estimate_latency,
@@ -22,6 +23,7 @@ __all__ = [
     "Poses",
     "Provenance",
     "Recording",
+    "StatedScale",
     "Summary",
     "ToolSummary",
     "bottom_line_signal",
@@ -30,6 +32,7 @@ __all__ = [
     "interpolate_poses",
     "join",
     "motion_signal",
+    "stated_scale",
     "summarize",
     "with_latency",
 ]

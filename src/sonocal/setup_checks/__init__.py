@@ -15,8 +15,9 @@
 from sonocal.setup_checks.copies import check_copies
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.latency import check_latency
-from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
+from sonocal.setup_checks.placement import check_flip, check_needle_end, check_tool_frame
 from sonocal.setup_checks.refused import Refused, refusal_findings
+from sonocal.setup_checks.scale import check_scale
 from sonocal.setup_checks.slip import check_slip
 from sonocal.setup_checks.units import check_units
 from sonocal.setup_checks.whole import check_setup

@@ -1,4 +1,4 @@
-"""Is the scale the scanner's, the image the right way round, the line in the right frame and at the right end?"""
+"""Is the image the right way round, the line in the right frame and at the right end?"""
 
 from __future__ import annotations
 
@@ -16,20 +16,16 @@ from sonocal.registration.fit import Fit
 from sonocal.registration.mirrored import mirrored_finding, mirrored_volume
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
-from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
 from sonocal.setup_checks.evidence import Evidence
 
 __all__ = [
     "check_flip",
     "check_needle_end",
-    "check_scale",
     "check_tool_frame",
     "quick_fit",
     "wrong_frame",
 ]
 
-# A scale off by less moves the far corner of a 100 mm image by less than 1 mm.
-LEAST_SCALE_ERROR = 0.01
 # Known orientations are rough: an image counts as flipped when it is nearer than this to a flipped one.
 ORIENTATION_RAD = np.radians(45.0)
 FLIPS = {
@@ -51,42 +47,6 @@ WHICH_FRAME = (
     "check which tool's transform carried the lines, which way it goes, and that rows and poses are of the same "
     "instant"
 )
-
-
-def check_scale(evidence: Evidence, scanner_mm_per_px: float | tuple[float, float]) -> Iterator[Diagnostic]:
-    """The calibration's mm/px against what the scanner says, one number or one along u and one along v.
-
-    Raises:
-        InputError: a number is not positive.
-    """
-    said = np.broadcast_to(np.asarray(scanner_mm_per_px, dtype=float), (2,))
-    if not np.all(np.isfinite(said) & (said > 0)):
-        raise InputError(f"scanner_mm_per_px must be positive; got {scanner_mm_per_px}")
-    found = evidence.transform.scales[:2]
-    deviation = _scale_deviation(evidence.covariance)
-    off = np.log(found / said)
-    worst = int(np.argmax(np.abs(off)))
-    if not abs(off[worst]) > max(SIGNIFICANT * deviation[worst], LEAST_SCALE_ERROR):
-        return
-    yield Diagnostic(
-        code="scale-differs-from-scanner",
-        severity="warning",
-        message=(
-            f"the calibration has {found[worst]:.5f} mm/px along {'uv'[worst]} and the scanner says "
-            f"{said[worst]:.5f}: {100 * np.expm1(off[worst]):+.1f} % "
-            f"(+-{100 * NORMAL_95 * deviation[worst]:.1f} %)"
-        ),
-        advice=(
-            "check that frames are not resampled or cropped between scanner and recording, that the depth setting "
-            "is the scan's, and that needle lengths are in mm; speed of sound explains a per cent or two along v"
-        ),
-    )
-
-
-def _scale_deviation(covariance: Array | None) -> Array:
-    if covariance is None:
-        return np.full(2, np.inf)
-    return np.asarray(np.sqrt(np.resize(np.diag(covariance)[6:], 2)))
 
 
 def check_flip(

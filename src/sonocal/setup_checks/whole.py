@@ -12,7 +12,8 @@ from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.late import lags_of
 from sonocal.setup_checks.latency import latency_of
 from sonocal.setup_checks.motion import motion_of
-from sonocal.setup_checks.placement import check_flip, check_needle_end, check_scale, check_tool_frame
+from sonocal.setup_checks.placement import check_flip, check_needle_end, check_tool_frame
+from sonocal.setup_checks.scale import check_scale
 from sonocal.setup_checks.slip import slip_findings
 from sonocal.setup_checks.units import check_units
 

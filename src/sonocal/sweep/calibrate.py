@@ -25,8 +25,9 @@ from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
-from sonocal.recording import Recording, health
+from sonocal.recording import Recording, health, stated_scale
 from sonocal.recording.health import Progress
+from sonocal.setup_checks.scale import scale_deviation, scale_doubt
 from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
 from sonocal.sweep.options import (
     Keywords,
@@ -232,10 +233,15 @@ def _as_recorded(
 ) -> Calibration:
     """The calibration with the latency of its recording, and with what is wrong with that.
 
-    Of the recording's tools, those that took part.
+    Of the recording's tools, those that took part; of mm/px that it states, where the user says no others.
     """
     tools = {probe.lower(), *(line.frame.lower() for line in lines)}
     poses = {name: one for name, one in recording.poses.items() if one.source.lower() in tools}
     noticed = health(replace(recording, poses=poses), look_at_images=False)
     worth = [one for one in noticed if one.severity == "warning" or one in recording.diagnostics]
+    said = stated_scale(recording)
+    if said is not None and calibration.options.scanner_mm_per_px is None:
+        scales, deviation = calibration.probe_from_image.scales, scale_deviation(calibration.covariance)
+        who = f"the recording ({said.where})"
+        worth += scale_doubt(scales, deviation, said.mm_per_px, "the calibration", who)
     return replace(calibration.with_findings(worth), latency_s=recording.latency_s or None)

@@ -44,8 +44,12 @@ def print_worth(console: Console, worth: Worth, apart: Difference | None = None)
         for title, definition in _definitions(worth):
             console.print(_indented(f"{title}: {definition}."))
         console.print()
-    if worth.difference is not None:
-        print_difference(console, worth.difference, "Against our own calibration of the same rows, mm")
+    if worth.difference is not None:  # whose sentence is part of the answer
+        title = "Against our own calibration of the same rows, mm"
+        print_difference(console, worth.difference, title, said_already=True)
+    if worth.scale_sentence:
+        console.print(Text(worth.scale_sentence))
+        console.print()
     if apart is not None:
         print_difference(console, apart, "Against the other calibration, mm")
     console.print(_matrix(worth.existing))
@@ -54,14 +58,15 @@ def print_worth(console: Console, worth: Worth, apart: Difference | None = None)
     print_findings(console, worth.diagnostics)
 
 
-def print_difference(console: Console, apart: Difference, title: str) -> None:
+def print_difference(console: Console, apart: Difference, title: str, *, said_already: bool = False) -> None:
     """How far apart at the corners, turned by how much, with which scales."""
     known = apart.known_mm is not None
     table = NumberTable(title, "apart", *((f"{apart.other} known to (95 %)",) if known else ()))
     for place, distance, one in apart.rows:
         table.add_row(f"at {place} px", f"{distance:.2f}", *([] if one is None else [f"{one:.2f}"]))
     console.print(table)
-    console.print(Text(apart.sentence))
+    if not said_already:
+        console.print(Text(apart.sentence))
     console.print(Text(f"Turned by {apart.rotation_deg:.2f} deg; {_scales_apart(apart)}."))
     console.print()
 
