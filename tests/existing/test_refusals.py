@@ -2,12 +2,13 @@
 
 import io
 import pickle
+import sys
 
 import numpy as np
 import pytest
 
 import sonocal as sc
-from sonocal.existing import Choice, read_existing
+from sonocal.existing import Choice, matrices_in, read_existing
 from tests.builders.sound import TFM
 
 GOOD = "0 0.2 0 10\n0 0 -0.2 -20\n-0.2 0 0 30\n"
@@ -216,16 +217,43 @@ def test_an_hdf5_looks_into_no_other_file(tmp_path):
         external = [(str(tmp_path / "secret.bin"), 0, 96)]
         file["TransformGroup/0"].create_dataset("TransformParameters", (12,), "f8", external=external)
 
-    with pytest.raises(sc.SonocalError, match="got 0 and 3"):
+    with pytest.raises(sc.SonocalError, match="is HDF5 that is damaged, or other than ITK writes it"):
         read_existing(hdf5(tmp_path / "a.h5", outside))
 
 
-def test_without_h5py_a_sentence_says_what_to_install(tmp_path, monkeypatch):
+def test_it_is_read_where_h5py_is_not_installed(tmp_path, monkeypatch):
     path = hdf5(tmp_path / "a.h5", lambda file, _: None)
-    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(sc.UnsupportedError) as caught:
-        read_existing(path)
-    assert str(caught.value) == ("a.h5: ITK's .h5 needs h5py; pip install 'sonocal[io]', or save it as .tfm")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    assert read_existing(path).matrix[:3, 3].tolist() == [1, 2, 3]
+
+
+FORMS = {
+    "as h5py writes": {},
+    "in the newer form, as ITK writes": {"libver": ("v108", "v108")},
+}
+PIECES = {
+    "whole": {},
+    "compressed": {"chunks": (12,), "compression": "gzip"},
+    "in one piece": {"chunks": (12,)},
+    "high byte first": {"dtype": ">f8"},
+    "float": {"dtype": "f4"},
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("pieces", PIECES)
+def test_whatever_way_hdf5_holds_the_numbers(tmp_path, form, pieces):
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    numbers = np.array([0, 0.25, 0, 0, 0, -0.25, -0.25, 0, 0, 1, 2, 3])
+    with h5py.File(tmp_path / "a.h5", "w", **FORMS[form]) as file:
+        group = file.create_group("TransformGroup/0")
+        group.create_dataset("TransformType", data=[b"AffineTransform_double_3_3"])
+        group.create_dataset("TransformParameters", data=numbers, **PIECES[pieces])
+        group.create_dataset("TransformFixedParameters", data=np.zeros(3))
+        file.attrs["convention"] = "for 3D Slicer: it holds the inverse, in LPS" + "." * 200
+    found = read_existing(tmp_path / "a.h5", Choice(stored_as="direct"))
+    assert found.matrix[:3].tolist() == [[0, 0.25, 0, 1], [0, 0, -0.25, 2], [-0.25, 0, 0, 3]]
+    assert [one.form for one in matrices_in(tmp_path / "a.h5")] == ["slicer"]
 
 
 def test_nothing_pickled_is_ever_loaded(tmp_path):

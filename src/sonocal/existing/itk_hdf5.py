@@ -4,27 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from sonocal.errors import FormatError, UnsupportedError
+from sonocal.existing.hdf5_file import MAGIC, Damaged, Item, open_hdf5
 from sonocal.existing.itk_parts import Part, form_said, matrices_of_parts
 from sonocal.existing.matrix import Matrices
-from sonocal.files import reading
+from sonocal.files import file_size, read_at
 from sonocal.files.kinds import Format
 
 __all__ = ["FORMAT", "read_itk_hdf5"]
 
-MAGIC = b"\x89HDF\r\n\x1a\n"
 GROUP = "TransformGroup"
 # ITK before 5 spelt them without an s.
 PARAMETERS = ("TransformParameters", "TranformParameters")
 FIXED = ("TransformFixedParameters", "TranformFixedParameters")
-# An affine transform has twelve; displacement fields have millions, which are not read.
-MOST_NUMBERS, MOST_TRANSFORMS = 64, 1000
-# Whatever the library says of a damaged file: it raises these, and names no further ones.
-DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, AttributeError, MemoryError)
+# A matrix takes a few kB; displacement fields take more, and are none.
+SIZE_LIMIT = 16 << 20
 
 
 def read_itk_hdf5(path: Path) -> Matrices:
@@ -32,70 +27,41 @@ def read_itk_hdf5(path: Path) -> Matrices:
 
     Raises:
         FormatError: it is none, or damaged.
-        UnsupportedError: h5py is not installed; or it holds a transform that is no matrix.
+        UnsupportedError: it is larger than a matrix, or holds a transform that is none.
     """
-    try:
-        import h5py
-    except ImportError:
+    size = file_size(path)
+    if size > SIZE_LIMIT:
         raise UnsupportedError(
-            f"{path.name}: ITK's .h5 needs h5py; pip install 'sonocal[io]', or save it as .tfm"
-        ) from None
+            f"{path.name}: holds {size} bytes, more than any linear transform; save the linear one alone"
+        )
     try:
-        with reading(path):
-            path.stat()
-        with h5py.File(path, "r", locking=False) as file:
-            remark = str(file.attrs.get("convention", ""))
-            parts = list(_parts(path.name, file, h5py))
-    except DAMAGE as error:
+        root = open_hdf5(read_at(path, 0, size))
+        group = root.members().get(GROUP)
+        if group is None:
+            raise FormatError(
+                f"{path.name}: is HDF5 without the group {GROUP}, which transforms of ITK and Slicer have; name one of "
+                "these"
+            )
+        parts, remark = list(_parts(group)), root.attribute("convention")
+    except Damaged as error:
         raise FormatError(
-            f"{path.name}: is damaged, or no HDF5 file ({error}); export it again"[:300]
+            f"{path.name}: is HDF5 that is damaged, or other than ITK writes it ({error}); export it again, or as .tfm"
         ) from None
     return matrices_of_parts(path.name, FORMAT.name, parts, form_said(remark))
 
 
-def _parts(name: str, file: Any, h5py: Any) -> Iterator[Part]:
-    group = _own(file, GROUP, h5py)
-    if not isinstance(group, h5py.Group):
-        raise FormatError(
-            f"{name}: is HDF5 without the group {GROUP}, which transforms of ITK and Slicer have; name one of these"
-        )
-    if len(group) > MOST_TRANSFORMS:
-        raise UnsupportedError(f"{name}: holds {len(group)} transforms; save the one that is the calibration")
-    for key in sorted(group, key=lambda text: (len(text), text)):
-        one = _own(group, key, h5py)
-        kind = _text(_dataset(one, ("TransformType",), h5py))
-        fixed, parameters = (_numbers(_dataset(one, names, h5py)) for names in (FIXED, PARAMETERS))
-        yield Part(kind, parameters, fixed)
+def _parts(group: Item) -> Iterator[Part]:
+    members = group.members()
+    for name in sorted(members, key=lambda text: (len(text), text)):
+        one = members[name].members()
+        if "TransformType" not in one:
+            raise Damaged("a transform has no type")
+        fixed, parameters = (_numbers(one, names) for names in (FIXED, PARAMETERS))
+        yield Part(one["TransformType"].text(), parameters, fixed)
 
 
-def _own(group: Any, key: str, h5py: Any) -> Any:
-    """What is linked in the file itself: links may name any other file of this machine."""
-    if not isinstance(group, h5py.Group) or not isinstance(group.get(key, getlink=True), h5py.HardLink):
-        return None
-    return group[key]
-
-
-def _dataset(group: Any, names: tuple[str, ...], h5py: Any) -> Any:
-    """The dataset of the first name that is there, if its data are in the file and few."""
-    for name in names:
-        found = _own(group, name, h5py)
-        if isinstance(found, h5py.Dataset) and not found.external and not found.is_virtual:
-            return found
-    return None
-
-
-def _text(dataset: Any) -> str:
-    if dataset is None or dataset.size != 1:
-        raise ValueError("a transform has no type")
-    value = np.asarray(dataset[()]).reshape(-1)[0]
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-
-
-def _numbers(dataset: Any) -> list[float]:
-    """The numbers of a transform; none of one that has too many to be a matrix: its kind says what it is."""
-    if dataset is None or dataset.size is None or dataset.size > MOST_NUMBERS:
-        return []
-    return [float(x) for x in np.asarray(dataset[()], dtype=float).reshape(-1)]
+def _numbers(members: dict[str, Item], names: tuple[str, ...]) -> list[float]:
+    return next((members[name].numbers() for name in names if name in members), [])
 
 
 FORMAT = Format(
@@ -105,5 +71,4 @@ FORMAT = Format(
     sniff=lambda head: head.content.startswith(MAGIC),
     read=read_itk_hdf5,
     holds="the same",
-    needs=("h5py",),
 )
