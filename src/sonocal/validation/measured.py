@@ -13,7 +13,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.registration.uncertainty import point_covariance, radius_95
 from sonocal.validation.comparison import Comparison
-from sonocal.validation.crosswire import PointSightings
+from sonocal.validation.point_table import PointSightings
 from sonocal.validation.quantity import Quantity
 
 __all__ = ["comparison_findings", "point_findings"]
