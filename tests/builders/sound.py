@@ -11,6 +11,7 @@ from sonocal.calibration import calibration_json
 from sonocal.observations import observations_csv
 from sonocal.recording.formats import write_recording
 from sonocal.simulation.scene import simulate_observations
+from tests.builders.bags import messages_for, small_sweep, write_bag
 from tests.builders.pictures import dicom_file, images
 from tests.builders.recordings import random_poses, random_recording
 from tests.builders.tables import matrices_in, motive
@@ -90,6 +91,17 @@ def videos(folder):
     return made
 
 
+def rosbags(*forms):
+    def make(folder):
+        made = []
+        for i, form in enumerate(forms):
+            messages = messages_for(form)
+            made.append(write_bag(folder / f"{i}.bag", form, messages, small_sweep(messages)))
+        return made
+
+    return make
+
+
 def folders(folder):
     (folder / "images").mkdir()
     pictures(folder / "images")[0].rename(folder / "images" / "0.png")
@@ -123,6 +135,7 @@ SOUND = {
     "CSV of poses": pose_tables,
     "OptiTrack Motive CSV": motive_tables,
     "video": videos,
+    "ROS bag": rosbags("1", "1 lz4", "mcap file", "mcap zstd", "sqlite3 file", "sqlite3 message"),
     "DICOM": dicoms,
     "image": pictures,
     "folder of images or of DICOM files": folders,

@@ -9,7 +9,17 @@ from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
-from sonocal.recording.formats import dicom, image, image_folder, metaio, motive, nrrd, pose_csv, video
+from sonocal.recording.formats import (
+    dicom,
+    image,
+    image_folder,
+    metaio,
+    motive,
+    nrrd,
+    pose_csv,
+    rosbag,
+    video,
+)
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
@@ -23,6 +33,7 @@ FORMATS: tuple[Format, ...] = (
     pose_csv.FORMAT,
     motive.FORMAT,
     video.FORMAT,
+    rosbag.FORMAT,
     dicom.FORMAT,
     image.FORMAT,
     image_folder.FORMAT,

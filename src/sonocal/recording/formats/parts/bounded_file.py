@@ -39,6 +39,6 @@ class BoundedFile(io.BufferedReader):
 class BoundedPath(PosixPath):
     """A path for a library that opens files itself: they are bounded."""
 
-    def open(self, mode: str = "r", *args: Any, **how: Any) -> Any:  # type: ignore[override]
+    def open(self, mode: str = "r", *args: Any, **how: Any) -> Any:
         """The file, bounded where it is read as bytes."""
         return BoundedFile(self) if mode == "rb" else super().open(mode, *args, **how)
