@@ -108,6 +108,7 @@ READERS = {
     "dicom": Reader(".dcm", whole, contents("DICOM")),
     "pictures": Reader(".png", whole, contents("image")),
     "video": Reader(".mp4", whole, contents("video", ".mp4")),
+    "plus-video": Reader(".mkv", whole, contents("video", "plus.mkv")),
     "bag": Reader(".bag", whole, bags),
     "device-set": Reader(".xml", read_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),
     "into-device-set": Reader(".xml", into_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),

@@ -16,6 +16,7 @@ from tests.builders.pictures import dicom_file, images
 from tests.builders.recordings import random_poses, random_recording
 from tests.builders.tables import matrices_in, motive
 from tests.builders.targets import LINE, PHANTOM, POINT
+from tests.builders.videos import video_with_texts
 
 KNOWN_POINTS = b"u_px,v_px,x_mm,y_mm,z_mm,target\n1,2,3,4,5,a\n6,7,8,9,1,a\n"
 TRACKED_POINTS = (
@@ -88,7 +89,9 @@ def videos(folder):
             container.mux(stream.encode())
         made.append(folder / f"a.{'mkv' if form == 'matroska' else form}")
         made[-1].write_bytes(content.getvalue())
-    return made
+    tracks = {"ProbeToTrackerTransform": {i / 10: "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1" for i in range(3)}}
+    video_with_texts(folder / "plus.mkv", np.zeros((3, 16, 16), np.uint8), tracks)
+    return [*made, folder / "plus.mkv"]
 
 
 def rosbags(*forms):

@@ -48,8 +48,8 @@ def read_recording(
 ) -> Recording:
     """Read a recording of any format.
 
-    A video or folder of images is joined by time stamp with its tracker's poses: those of `poses`, or else
-    the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
+    A video or folder of images without poses is joined by time stamp with its tracker's: those of `poses`, or
+    else the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
 
     Args:
         path: the file, or the folder of images.
@@ -64,7 +64,7 @@ def read_recording(
     path = Path(path)
     found = _recognised(path)
     images: Recording = found.read(path)
-    tracker = Path(poses) if poses is not None else _poses_beside(path, found)
+    tracker = Path(poses) if poses is not None else None if images.poses else _poses_beside(path, found)
     if tracker is None:
         return with_latency(images, latency_s, on_invalid=on_invalid)
     if tracker.is_dir():
