@@ -13,7 +13,7 @@ from sonocal.recording.formats import write_recording
 from sonocal.simulation.scene import simulate_observations
 from tests.builders.bags import messages_for, small_sweep, write_bag
 from tests.builders.pictures import dicom_file, images
-from tests.builders.recordings import random_poses, random_recording
+from tests.builders.recordings import random_pixels, random_poses, random_recording
 from tests.builders.tables import matrices_in, motive
 from tests.builders.targets import LINE, PHANTOM, POINT
 from tests.builders.videos import video_with_texts
@@ -105,6 +105,21 @@ def rosbags(*forms):
     return make
 
 
+def scans(folder):
+    rng = np.random.default_rng(0)
+    pixels = random_pixels(rng, (4, 5, 6), "uint8")
+    for name, how in {"plain": {}, "packed": {"chunks": (1, 5, 6), "compression": "gzip"}}.items():
+        write_scan(folder / f"{name}.h5", pixels, random_poses(rng, 4), **how)
+    return [folder / "plain.h5", folder / "packed.h5"]
+
+
+def write_scan(path, frames, transforms, **how):
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    with h5py.File(path, "w") as file:
+        file.create_dataset("frames", data=frames, **how)
+        file.create_dataset("tforms", data=transforms)
+
+
 def folders(folder):
     (folder / "images").mkdir()
     pictures(folder / "images")[0].rename(folder / "images" / "0.png")
@@ -139,6 +154,7 @@ SOUND = {
     "OptiTrack Motive CSV": motive_tables,
     "video": videos,
     "ROS bag": rosbags("1", "1 lz4", "mcap file", "mcap zstd", "sqlite3 file", "sqlite3 message"),
+    "TUS-REC scan": scans,
     "DICOM": dicoms,
     "image": pictures,
     "folder of images or of DICOM files": folders,

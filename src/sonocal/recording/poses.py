@@ -20,9 +20,11 @@ __all__ = [
     "OnInvalid",
     "Poses",
     "by_name",
+    "determinant",
     "longest_run",
     "repeated",
     "rigidity_error",
+    "travel_mm",
 ]
 
 Mask = NDArray[np.bool_]
@@ -104,7 +106,7 @@ class Poses:
             frame = int(np.flatnonzero(bad)[0])
             raise InputError(
                 f"{source}, frame {frame}: {self.plus_name} is not rigid "
-                f"(det R = {np.linalg.det(self.matrices[frame, :3, :3]):.3g}); "
+                f"(det R = {determinant(self.matrices[frame]):.3g}); "
                 "drop such frames with --on-invalid skip"
             )
         return replace(self, valid=self.valid & ~bad)
@@ -145,6 +147,21 @@ def rigidity_error(matrices: ArrayLike) -> Array:
         error = np.maximum(error, np.abs(array[..., 3, :] - [0, 0, 0, 1]).max(axis=-1, initial=0.0))
         mirrored = np.linalg.det(np.where(np.isfinite(rotation), rotation, 0.0)) < 0
     return np.asarray(np.where(mirrored & np.isfinite(error), np.inf, error))
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def determinant(matrix: Array) -> float:
+    """Of the rotation in a pose (4, 4), for messages: what is no pose may have numbers of any size."""
+    return float(np.linalg.det(matrix[:3, :3]))
+
+
+@np.errstate(over="ignore")
+def travel_mm(matrices: Array) -> float:
+    """The largest distance of poses (N, 4, 4) from their median place."""
+    if len(matrices) == 0:
+        return 0.0
+    places = matrices[:, :3, 3]
+    return float(np.linalg.norm(places - np.median(places, axis=0), axis=1).max())
 
 
 def _inverted(matrices: Array, valid: Mask) -> Array:

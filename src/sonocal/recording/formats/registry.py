@@ -18,6 +18,7 @@ from sonocal.recording.formats import (
     nrrd,
     pose_csv,
     rosbag,
+    tus_rec,
     video,
 )
 from sonocal.recording.model import Recording
@@ -34,6 +35,7 @@ FORMATS: tuple[Format, ...] = (
     motive.FORMAT,
     video.FORMAT,
     rosbag.FORMAT,
+    tus_rec.FORMAT,
     dicom.FORMAT,
     image.FORMAT,
     image_folder.FORMAT,
