@@ -109,6 +109,7 @@ READERS = {
     "pictures": Reader(".png", whole, contents("image")),
     "video": Reader(".mp4", whole, contents("video", ".mp4")),
     "plus-video": Reader(".mkv", whole, contents("video", "plus.mkv")),
+    "scene": Reader(".mrb", whole, contents("Slicer scene", ".mrb")),
     "scan": Reader(".h5", whole, contents("TUS-REC scan")),
     "bag": Reader(".bag", whole, bags),
     "device-set": Reader(".xml", read_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),

@@ -14,6 +14,7 @@ from sonocal.simulation.scene import simulate_observations
 from tests.builders.bags import messages_for, small_sweep, write_bag
 from tests.builders.pictures import dicom_file, images
 from tests.builders.recordings import random_pixels, random_poses, random_recording
+from tests.builders.scenes import image_sequence, transform_sequence, write_scene
 from tests.builders.tables import matrices_in, motive
 from tests.builders.targets import LINE, PHANTOM, POINT
 from tests.builders.videos import video_with_texts
@@ -105,6 +106,18 @@ def rosbags(*forms):
     return make
 
 
+def scenes(folder):
+    pixels = random_pixels(np.random.default_rng(0), (3, 4, 5), "uint8")
+    poses = random_poses(np.random.default_rng(0), 3)
+    files = {
+        "Image.seq.nrrd": image_sequence(range(3), pixels),
+        "ProbeToTracker.seq.mha": transform_sequence("ProbeToTracker", range(3), poses),
+    }
+    for name in ("a.mrb", "b.mrml"):
+        write_scene(folder / name, files)
+    return [folder / "a.mrb", folder / "b.mrml"]
+
+
 def scans(folder):
     rng = np.random.default_rng(0)
     pixels = random_pixels(rng, (4, 5, 6), "uint8")
@@ -154,6 +167,7 @@ SOUND = {
     "OptiTrack Motive CSV": motive_tables,
     "video": videos,
     "ROS bag": rosbags("1", "1 lz4", "mcap file", "mcap zstd", "sqlite3 file", "sqlite3 message"),
+    "Slicer scene": scenes,
     "TUS-REC scan": scans,
     "DICOM": dicoms,
     "image": pictures,

@@ -18,6 +18,7 @@ from sonocal.recording.formats import (
     nrrd,
     pose_csv,
     rosbag,
+    slicer_scene,
     tus_rec,
     video,
 )
@@ -31,6 +32,7 @@ __all__ = ["FORMATS", "read_recording", "write_recording"]
 FORMATS: tuple[Format, ...] = (
     metaio.FORMAT,
     nrrd.FORMAT,
+    slicer_scene.FORMAT,
     pose_csv.FORMAT,
     motive.FORMAT,
     video.FORMAT,

@@ -12,9 +12,9 @@ import numpy as np
 
 from sonocal.errors import FormatError
 from sonocal.geometry import Array
+from sonocal.recording.formats.parts.at_times import at_times
 from sonocal.recording.formats.parts.sequence_fields import TRANSFORM, ItemFields, interpret
 from sonocal.recording.poses import Poses, by_name
-from sonocal.recording.timing import interpolate_poses
 
 __all__ = ["poses_in_tracks"]
 
@@ -67,9 +67,4 @@ def _at(texts: dict[str, Texts], times: Array, name: str) -> Iterator[Poses]:
         if known := {i: status[stamp] for i, stamp in enumerate(stamps) if stamp in status}:
             columns[f"{title}Status"] = known
         for one in interpret(ItemFields(name, columns), len(stamps)).poses.values():
-            at_frames = np.array_equal(stamps, times)  # as PLUS writes them: nothing is changed
-            yield (
-                one
-                if at_frames
-                else interpolate_poses(one, np.array(stamps), times, source=name, on_invalid="skip")
-            )
+            yield at_times(one, np.array(stamps), times, name)
