@@ -43,7 +43,8 @@ def read_slicer_scene(path: Path) -> Recording:
         InputError: there is no sequence, or there are several of images.
         UnsupportedError: a sequence is of another kind of file.
     """
-    home = Archive(path, ".mrml", WHAT) if read_at(path, 0, len(ZIP)) == ZIP else Folder(path, WHAT)
+    packed = read_at(path, 0, len(ZIP)) == ZIP or path.suffix.lower() == ".mrb"
+    home = Archive(path, ".mrml", WHAT) if packed else Folder(path, WHAT)
     try:
         recording = _recording(home)
     except BaseException:

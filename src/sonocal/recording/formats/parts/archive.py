@@ -9,7 +9,6 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import IO
 from urllib.parse import unquote
 
 from sonocal.errors import FormatError, InputError, SonocalError
@@ -104,10 +103,6 @@ class Archive(Home):
                 yield archive
         except SonocalError:
             raise
-        except OSError as error:
-            raise InputError(
-                f"{self.name}: a file of it cannot be copied ({error.strerror or error})"
-            ) from None
         except Exception as error:  # zipfile raises many kinds for damaged archives
             raise FormatError(
                 f"{self.name}: is a damaged zip archive ({str(error)[:80] or type(error).__name__}); copy it again"
@@ -130,20 +125,31 @@ class Archive(Home):
                 f"{self.name}: {info.filename[:80]} states {size} bytes in {packed} compressed ones, as no images do; "
                 "unpack it yourself if it is sound"
             )
+        with self._on_disk():
+            copy = self._place(size) / (PurePosixPath(info.filename).name[-100:] or "file")
+            target = copy.open("wb")
+        with target, archive.open(info) as source:
+            # The archive's reader gives no more than the size that was looked at, and compares the checksum.
+            while piece := source.read(PIECE):
+                with self._on_disk():
+                    target.write(piece)
+        return copy
+
+    def _place(self, size: int) -> Path:
+        """A new folder for a file of a size."""
         if self.scratch is None:
             self.scratch = Path(tempfile.mkdtemp(prefix="sonocal-"))
         if size > shutil.disk_usage(self.scratch).free:
             raise InputError(
-                f"{self.name}: {info.filename[:80]} needs {size} bytes in {self.scratch.parent}; make room there"
+                f"{self.name}: {size} bytes are needed in {self.scratch.parent}; make room there"
             )
-        home = Path(tempfile.mkdtemp(dir=self.scratch))
-        copy = home / (PurePosixPath(info.filename).name[-100:] or "file")
-        with archive.open(info) as source, copy.open("wb") as target:
-            _copy(source, target)
-        return copy
+        return Path(tempfile.mkdtemp(dir=self.scratch))
 
-
-def _copy(source: IO[bytes], target: IO[bytes]) -> None:
-    # The archive's reader gives no more than the size that was looked at, and compares the checksum.
-    while piece := source.read(PIECE):
-        target.write(piece)
+    @contextmanager
+    def _on_disk(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise InputError(
+                f"{self.name}: cannot be unpacked to {tempfile.gettempdir()} ({error.strerror}); make room there"
+            ) from None
