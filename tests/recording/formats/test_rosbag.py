@@ -2,12 +2,14 @@
 
 import io
 import shutil
+import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from sonocal import InputError, UnsupportedError
-from sonocal.recording.formats import read_recording
+from sonocal.recording.formats import read_recording, write_recording
 from tests.builders.bags import (
     COMPRESSED,
     FORMS,
@@ -16,9 +18,10 @@ from tests.builders.bags import (
     STAMPED,
     TF,
     messages_for,
+    small_sweep,
     write_bag,
 )
-from tests.builders.recordings import random_pixels, random_poses
+from tests.builders.recordings import assert_same, random_pixels, random_poses, random_recording
 
 N = 9
 START = 1_700_000_000.25
@@ -286,3 +289,50 @@ def test_a_folder_with_parts_missing_ends_in_a_sentence(tmp_path):
     )
     (path / "metadata.yaml").write_text("- [1, 2")
     assert sentence(path).startswith("a: cannot be read as a ROS bag (")
+
+
+def test_a_bag_is_written_as_a_sequence_and_read_again(tmp_path):
+    messages = messages_for("mcap")
+    recording = read_recording(write_bag(tmp_path / "a", "mcap", messages, tracked(messages)))
+    write_recording(recording, tmp_path / "a.mha")
+    again = read_recording(tmp_path / "a.mha")
+    assert again.poses.keys() == recording.poses.keys()
+    for name, poses in recording.poses.items():
+        np.testing.assert_array_equal(again.poses[name].matrices, poses.matrices)
+    write_recording(again, tmp_path / "b.mha")
+    assert_same(again, read_recording(tmp_path / "b.mha"))
+
+
+def test_a_bag_of_a_tracker_gives_the_poses_of_other_images(tmp_path):
+    messages = messages_for("mcap")
+    path = write_bag(tmp_path / "a", "mcap", messages, tracked(messages, images=False))
+    images = random_recording(0, n=N, tools=())
+    object.__setattr__(images, "times", TIMES)
+    write_recording(images, tmp_path / "images.mha")
+    probe = read_recording(tmp_path / "images.mha", poses=path).poses["tracker_from_us_probe"]
+    np.testing.assert_allclose(probe.matrices, POSES[: 2 * N : 2], atol=1e-5)
+
+
+def test_a_database_of_an_older_ros_2_has_no_definitions_and_is_read(tmp_path):
+    """As Foxy and Humble write them: two tables, and nothing on what the messages are."""
+    messages = messages_for("sqlite3")
+    entries = small_sweep(messages)
+    topics = dict.fromkeys((topic, kind) for topic, kind, _, _ in entries)
+    numbers = {topic: i + 1 for i, (topic, _) in enumerate(topics)}
+    with closing(sqlite3.connect(tmp_path / "a.db3")) as database, database:
+        database.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
+            "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)"
+        )
+        database.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, "
+            "data BLOB NOT NULL)"
+        )
+        for topic, kind in topics:
+            database.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", (numbers[topic], topic, kind))
+        for topic, kind, received, message in entries:
+            row = (numbers[topic], round(received * 1e9), bytes(messages.encode(message, kind)))
+            database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+    recording = read_recording(tmp_path / "a.db3")
+    assert [frame[0, 0] for frame in recording.frames] == [1, 2, 3]
+    np.testing.assert_array_equal(recording.poses["tracker_from_probe"].matrices[:, 0, 3], [1, 2, 3])

@@ -71,7 +71,7 @@ def read_recording(
     tracker = Path(poses) if poses is not None else None if images.poses else _poses_beside(path, found)
     if tracker is None:
         return with_latency(images, latency_s, on_invalid=on_invalid)
-    if tracker.is_dir():
+    if tracker.is_dir() and not rosbag.is_bag_folder(tracker):
         raise InputError(f"{tracker}: is a directory; name the table of poses in it")
     return join(images, _recognised(tracker).read(tracker), latency_s, on_invalid=on_invalid)
 

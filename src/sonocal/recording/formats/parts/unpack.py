@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -34,14 +35,17 @@ def unpack(name: str, compression: str, data: bytes, most: int = PIECE_LIMIT) ->
         FormatError: it is damaged, or larger than it may be.
         UnsupportedError: another compression.
     """
-    if compression in ("", "none"):
-        return data
+    return data if compression in ("", "none") else b"".join(_pieces(name, compression, data, most))
+
+
+def _pieces(name: str, compression: str, data: bytes, most: int) -> Iterator[bytes]:
+    """The steps of a decompression, with its failures as sentences."""
     if compression not in DECODERS:
         raise UnsupportedError(
             f"{name}: is compressed by {compression[:40]!r}; bags have none, lz4, zstd or bz2"
         )
     try:
-        return b"".join(_pieces(name, DECODERS[compression](), data, most))
+        yield from _steps(name, DECODERS[compression](), data, most)
     except SonocalError:
         raise
     except Exception as error:  # each decoder raises kinds of its own
@@ -50,7 +54,7 @@ def unpack(name: str, compression: str, data: bytes, most: int = PIECE_LIMIT) ->
         ) from None
 
 
-def _pieces(name: str, decoder: Any, data: bytes, most: int) -> Iterator[bytes]:
+def _steps(name: str, decoder: Any, data: bytes, most: int) -> Iterator[bytes]:
     total = 0
     while not decoder.eof:
         piece = decoder.decompress(data, STEP)
@@ -119,4 +123,4 @@ def _check_chunk(name: str, file: BinaryIO, size: int) -> None:
     if length > size - CHUNK_FIXED - letters:
         raise FormatError(f"{name}: a chunk states more bytes than it has; copy it again")
     if compression:
-        unpack(name, compression, file.read(length), stated)
+        deque(_pieces(name, compression, file.read(length), stated), maxlen=0)  # and none of it is kept
