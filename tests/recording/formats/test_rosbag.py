@@ -3,13 +3,17 @@
 import io
 import shutil
 import sqlite3
+import struct
+import tracemalloc
 from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sonocal import InputError, UnsupportedError
+from sonocal import FormatError, InputError, UnsupportedError
 from sonocal.recording.formats import read_recording, write_recording
+from sonocal.recording.formats.parts.mcap import check_mcap_summary
 from tests.builders.bags import (
     COMPRESSED,
     FORMS,
@@ -336,3 +340,53 @@ def test_a_database_of_an_older_ros_2_has_no_definitions_and_is_read(tmp_path):
     recording = read_recording(tmp_path / "a.db3")
     assert [frame[0, 0] for frame in recording.frames] == [1, 2, 3]
     np.testing.assert_array_equal(recording.poses["tracker_from_probe"].matrices[:, 0, 3], [1, 2, 3])
+
+
+@pytest.mark.parametrize("times", [1, 2, 3000])
+def test_chunks_that_would_all_be_held_at_once_are_refused(times):
+    class Chunk:
+        def __init__(self, place, start):
+            self.chunk_start_offset, self.uncompressed_size = place, 1 << 20
+            self.message_start_time, self.message_end_time = start, start + 10
+
+    class Storage:
+        path, chunks = Path("a.mcap"), [Chunk(i, 11 * (i // times)) for i in range(3000)]
+
+    if times < 256:
+        check_mcap_summary(Storage, set(range(3000)))
+    else:
+        with pytest.raises(FormatError, match="its chunks overlap in time by more than 268435456 bytes"):
+            check_mcap_summary(Storage, set(range(3000)))
+    Storage.chunks.append(Storage.chunks[0])
+    with pytest.raises(FormatError, match="its summary names chunks that are not there"):
+        check_mcap_summary(Storage, set(range(3000)))
+
+
+def test_an_index_that_names_one_chunk_again_and_again_is_refused_in_little_memory(tmp_path):
+    """Each naming would keep its thousands of entries once more."""
+    messages = messages_for("1")
+    text = messages.make("std_msgs/msg/String", data="")
+    entries = [("/talk", "std_msgs/msg/String", i / 1000, text) for i in range(5000)]
+    content = write_bag(tmp_path / "a.bag", "1", messages, entries).read_bytes()
+    again = content[_record_start(content) :]
+    count = content.index(b"chunk_count=") + len(b"chunk_count=")
+    lying = content[:count] + struct.pack("<I", 3000) + content[count + 4 :] + 2999 * again
+    (tmp_path / "b.bag").write_bytes(lying)
+    tracemalloc.start()
+    found = sentence(tmp_path / "b.bag")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == "b.bag: its index names the same places again and again"
+    assert peak < 32 << 20
+
+
+def _record_start(content):
+    """Where the last record, the one of the chunk, begins: after those of the connections."""
+    position = int.from_bytes(content[content.index(b"index_pos=") + 10 :][:8], "little")
+    while True:
+        header = int.from_bytes(content[position : position + 4], "little")
+        data = int.from_bytes(content[position + 4 + header :][:4], "little")
+        following = position + 4 + header + 4 + data
+        if following == len(content):
+            return position
+        position = following

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple, Self
 from sonocal.errors import FormatError, InputError, SonocalError, UnsupportedError
 from sonocal.files import file_size, read_at, reading
 from sonocal.recording.formats.parts.bounded_file import BoundedFile, BoundedPath
+from sonocal.recording.formats.parts.mcap import MCAP, check_mcap_chunks, check_mcap_summary
 from sonocal.recording.formats.parts.packages import needed
-from sonocal.recording.formats.parts.unpack import check_mcap_chunks, unpack
+from sonocal.recording.formats.parts.unpack import unpack
 
 __all__ = ["METADATA", "STARTS", "Bag", "Message"]
 
 METADATA = "metadata.yaml"
 METADATA_LIMIT = 4 << 20
-BAG1, SQLITE, MCAP = b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n"
+BAG1, SQLITE = b"#ROSBAG V", b"SQLite format 3\0"
 STARTS = (BAG1, SQLITE, MCAP)
 # A bag of version 1 is read once by its index, and then by its chunks.
 INDEX_READS = 3
@@ -159,7 +160,7 @@ def _opened_folder(plugin: Any, path: Path, chunks: dict[str, set[int]]) -> Any:
     reader.metadata = reader.metadata._replace(compression_mode=None)
     for storage in reader.storages:
         _bound(storage)
-        _check_summary(storage, chunks.get(storage.path.name, set()))
+        check_mcap_summary(storage, chunks.get(storage.path.name, set()))
     return reader
 
 
@@ -167,16 +168,8 @@ def _opened_mcap(plugin: Any, path: Path) -> Any:
     chunks = check_mcap_chunks(path)
     reader = plugin(BoundedPath(path))
     reader.open()
-    _check_summary(reader, chunks)
+    check_mcap_summary(reader, chunks)
     return reader
-
-
-def _check_summary(storage: Any, chunks: set[int]) -> None:
-    """Refuse chunks that the summary of an MCAP file names and that were not looked at."""
-    if any(chunk.chunk_start_offset not in chunks for chunk in getattr(storage, "chunks", ())):
-        raise FormatError(
-            f"{storage.path.name}: its summary names chunks that are not there; mend it with mcap recover"
-        )
 
 
 def _opened_sqlite(plugin: Any, path: Path) -> Any:

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import bz2
 import sys
-from collections import deque
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from sonocal.errors import FormatError, SonocalError, UnsupportedError
-from sonocal.recording.formats.parts.bounded_file import BoundedFile
 
-__all__ = ["PIECE_LIMIT", "check_mcap_chunks", "unpack"]
+__all__ = ["DECODERS", "PIECE_LIMIT", "pieces", "unpack"]
 
 PIECE_LIMIT = 1 << 28
 """Largest piece that is decompressed at once, bytes: recorders write some megabytes, or one image."""
 STEP = 1 << 20
-MCAP = b"\x89MCAP0\r\n"
-CHUNK, CHUNK_FIXED = 0x06, 40
 
 
 def unpack(name: str, compression: str, data: bytes, most: int = PIECE_LIMIT) -> bytes:
@@ -35,10 +30,10 @@ def unpack(name: str, compression: str, data: bytes, most: int = PIECE_LIMIT) ->
         FormatError: it is damaged, or larger than it may be.
         UnsupportedError: another compression.
     """
-    return data if compression in ("", "none") else b"".join(_pieces(name, compression, data, most))
+    return data if compression in ("", "none") else b"".join(pieces(name, compression, data, most))
 
 
-def _pieces(name: str, compression: str, data: bytes, most: int) -> Iterator[bytes]:
+def pieces(name: str, compression: str, data: bytes, most: int) -> Iterator[bytes]:
     """The steps of a decompression, with its failures as sentences."""
     if compression not in DECODERS:
         raise UnsupportedError(
@@ -81,46 +76,3 @@ def _zstd() -> Any:
 
 
 DECODERS: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4": _lz4, "zstd": _zstd}
-
-
-def check_mcap_chunks(path: Path) -> set[int]:
-    """Look through an MCAP file before a library trusts what it states, and decompress every chunk once.
-
-    Returns:
-        Where its chunks lie.
-
-    Raises:
-        FormatError: it was cut short, or a chunk is not what it states.
-    """
-    chunks = set()
-    with BoundedFile(path) as file:
-        end = file.seek(0, 2)
-        place = file.seek(len(MCAP))
-        while place < end - len(MCAP):
-            head = file.read(9)
-            size = int.from_bytes(head[1:], "little")
-            if len(head) < 9 or size > end - file.tell():
-                raise FormatError(
-                    f"{path.name}: ends within a record at byte {place}: it was cut short, or its recorder was "
-                    "stopped; mend it with mcap recover"
-                )
-            if head[0] == CHUNK:
-                chunks.add(place)
-                _check_chunk(path.name, file, size)
-            place = file.seek(place + 9 + size)
-    return chunks
-
-
-def _check_chunk(name: str, file: BinaryIO, size: int) -> None:
-    fixed = file.read(32)
-    stated, letters = int.from_bytes(fixed[16:24], "little"), int.from_bytes(fixed[28:32], "little")
-    if size < CHUNK_FIXED or letters > min(size - CHUNK_FIXED, 64) or stated > PIECE_LIMIT:
-        raise FormatError(
-            f"{name}: a chunk states {stated} bytes; those of recorders have less than {PIECE_LIMIT}"
-        )
-    compression = file.read(letters).decode("latin-1")
-    length = int.from_bytes(file.read(8), "little")
-    if length > size - CHUNK_FIXED - letters:
-        raise FormatError(f"{name}: a chunk states more bytes than it has; copy it again")
-    if compression:
-        deque(_pieces(name, compression, file.read(length), stated), maxlen=0)  # and none of it is kept
