@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from sonocal.errors import FormatError
 
-__all__ = ["parse_xml"]
+__all__ = ["DEEPEST", "parse_xml"]
 
 DEEPEST = 100
 
