@@ -190,7 +190,8 @@ def poses_from_quaternions(
     from scipy.spatial.transform import Rotation
 
     valid = np.asarray(np.isfinite(quaternions_wxyz).all(axis=1) & np.isfinite(places_mm).all(axis=1))
-    length = np.linalg.norm(quaternions_wxyz, axis=1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(quaternions_wxyz, axis=1)
     off = valid & ~(np.abs(length - 1) <= UNIT_TOLERANCE)
     if off.any():
         row = int(np.flatnonzero(off)[0])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from sonocal import FormatError, InputError, UnsupportedError
+from sonocal.recording import health
 from sonocal.recording.formats import read_recording, write_recording
 from sonocal.recording.formats.parts.mcap import check_mcap_summary
 from tests.builders.bags import (
@@ -340,6 +341,32 @@ def test_a_database_of_an_older_ros_2_has_no_definitions_and_is_read(tmp_path):
     recording = read_recording(tmp_path / "a.db3")
     assert [frame[0, 0] for frame in recording.frames] == [1, 2, 3]
     np.testing.assert_array_equal(recording.poses["tracker_from_probe"].matrices[:, 0, 3], [1, 2, 3])
+
+
+def test_mcap_of_another_profile_is_named(tmp_path):
+    messages = messages_for("mcap file")
+    path = write_bag(tmp_path / "a", "mcap file", messages, small_sweep(messages))
+    path.write_bytes(path.read_bytes().replace(b"ros2", b"ros1", 1))
+    assert sentence(path, UnsupportedError) == (
+        "a.mcap: is MCAP of the profile 'ros1'; 'ros2' is read, such as rosbags-convert writes it"
+    )
+
+
+@pytest.mark.parametrize("number", [1e200, -1e308, float("inf"), float("nan")])
+def test_transforms_with_numbers_of_any_size_end_in_an_invalid_pose_or_a_sentence(tmp_path, number):
+    messages = messages_for("1")
+    for part in ("translation", "rotation"):
+        entries = small_sweep(messages)
+        stamped = entries[3][3].transforms[0]
+        getattr(stamped.transform, part).x = number
+        path = write_bag(tmp_path / f"{part}.bag", "1", messages, entries)
+        try:
+            probe = read_recording(path).poses["tracker_from_probe"]
+            health(read_recording(path))
+            assert probe.valid[[0, 2]].all()
+            assert np.isfinite(probe.matrices[probe.valid]).all()
+        except InputError as error:
+            assert "the quaternion of Probe has length" in str(error)
 
 
 @pytest.mark.parametrize("times", [1, 2, 3000])

@@ -56,7 +56,7 @@ def read_rosbag(path: Path) -> Recording:
     provenance = Provenance(transforms.name, "ROS bag", _files(path))
     if not images or not stamps:
         return _tracker(transforms, provenance, topics)
-    frames = BagFrames(path, images[0], np.array(received))
+    frames = BagFrames(path, images[0], np.array(received, dtype=np.int64))
     times = _times(stamps)
     return Recording(
         times=times,

@@ -27,6 +27,7 @@ STARTS = (BAG1, SQLITE, MCAP)
 # A bag of version 1 is read once by its index, and then by its chunks.
 INDEX_READS = 3
 LONGEST_MESSAGE = 1 << 28
+LAST_NS = (1 << 63) - 1
 TF = "tf2_msgs/msg/TFMessage"
 SAME_AS = {"tf/msg/tfMessage": TF}
 
@@ -96,7 +97,8 @@ class Bag:
             return
         with self._guarded():
             for connection, received, data in self._reader.messages(chosen, start):
-                yield Message(connection.topic, received, self._decoded(bytes(data), connection.msgtype))
+                content = self._decoded(bytes(data), connection.msgtype)
+                yield Message(connection.topic, min(received, LAST_NS), content)
 
     def _decoded(self, data: bytes, kind: str) -> Any:
         store = _definitions(self._start.startswith(BAG1))

@@ -6,7 +6,7 @@ from collections import deque
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from sonocal.errors import FormatError
+from sonocal.errors import FormatError, UnsupportedError
 from sonocal.recording.formats.parts.bounded_file import BoundedFile
 from sonocal.recording.formats.parts.unpack import PIECE_LIMIT, pieces
 
@@ -14,6 +14,7 @@ __all__ = ["MCAP", "check_mcap_chunks", "check_mcap_summary"]
 
 MCAP = b"\x89MCAP0\r\n"
 CHUNK, CHUNK_FIXED = 0x06, 40
+ROS2 = "ros2"
 
 
 def check_mcap_chunks(path: Path) -> set[int]:
@@ -24,10 +25,12 @@ def check_mcap_chunks(path: Path) -> set[int]:
 
     Raises:
         FormatError: it was cut short, or a chunk is not what it states.
+        UnsupportedError: its messages are not those of ROS 2.
     """
     chunks = set()
     with BoundedFile(path) as file:
         end = file.seek(0, 2)
+        _check_profile(path.name, file)
         place = file.seek(len(MCAP))
         while place < end - len(MCAP):
             head = file.read(9)
@@ -42,6 +45,17 @@ def check_mcap_chunks(path: Path) -> set[int]:
                 _check_chunk(path.name, file, size)
             place = file.seek(place + 9 + size)
     return chunks
+
+
+def _check_profile(name: str, file: BinaryIO) -> None:
+    """Refuse messages that are not those of ROS 2, as the first record says."""
+    file.seek(len(MCAP) + 9)
+    letters = min(int.from_bytes(file.read(4), "little"), 64)
+    profile = file.read(letters).decode("latin-1")
+    if profile != ROS2:
+        raise UnsupportedError(
+            f"{name}: is MCAP of the profile {profile!r}; {ROS2!r} is read, such as rosbags-convert writes it"
+        )
 
 
 def _check_chunk(name: str, file: BinaryIO, size: int) -> None:
