@@ -96,7 +96,8 @@ def calibration_in(path: Path, choice: Choice | None = None) -> Calibration | Ex
 
     require_kind(path, CALIBRATION_KINDS, ADVICE)
     kind = None if path.is_dir() else kind_of(path)
-    if kind == "calibration" or (kind is None and path.suffix.lower() not in TABLE_SUFFIXES):
+    of_matrices = {suffix for one in MATRICES for suffix in one.suffixes}
+    if kind == "calibration" or (kind is None and path.suffix.lower() not in of_matrices):
         return load_calibration(path)
     return read_existing(path, choice)
 

@@ -68,7 +68,8 @@ FORMAT = Format(
     name="ITK and 3D Slicer transform, HDF5",
     kind="matrix",
     suffixes=(".h5", ".hdf5"),
-    sniff=lambda head: head.content.startswith(MAGIC),
+    # Other programs keep other things in such files: scans, for one.
+    sniff=lambda head: head.content.startswith(MAGIC) and GROUP.encode() in head.content,
     read=read_itk_hdf5,
     holds="the same",
 )

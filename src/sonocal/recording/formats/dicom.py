@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import warnings
 from collections.abc import Sequence
 from datetime import datetime
@@ -15,6 +14,7 @@ from sonocal.errors import FormatError, UnsupportedError
 from sonocal.files import file_size
 from sonocal.files.kinds import Format
 from sonocal.geometry import Array
+from sonocal.recording.formats.parts.bounded_file import BoundedFile
 from sonocal.recording.formats.parts.layout import COUNT_LIMIT
 from sonocal.recording.formats.parts.packages import needed
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
@@ -88,7 +88,7 @@ class DicomFrames(Frames):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                with _Clamped(path) as file:
+                with BoundedFile(path) as file:
                     image = np.asarray(pixel_array(file, index=place))
         except NotImplementedError as error:
             raise UnsupportedError(f"{path.name}, frame {index}: cannot be decoded ({error})") from None
@@ -107,26 +107,13 @@ class DicomFrames(Frames):
         return image
 
 
-class _Clamped(io.BufferedReader):
-    """A file that is never asked for more than it holds: damaged lengths would be allocated before the read."""
-
-    def __init__(self, path: Path) -> None:
-        self._size = file_size(path)
-        super().__init__(io.FileIO(path))
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """As of any file, but clamped."""
-        left = max(self._size - self.tell(), 0)
-        return super().read(left if size is None or size < 0 else min(size, left))
-
-
 def _header(path: Path) -> Any:
     file_size(path)
     pydicom = needed("pydicom", path, "DICOM needs pydicom")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with _Clamped(path) as file:
+            with BoundedFile(path) as file:
                 return pydicom.dcmread(file, stop_before_pixels=True, defer_size=None)
     except Exception as error:  # pydicom raises many kinds for damaged files
         raise FormatError(f"{path.name}: is not a DICOM file ({str(error)[:80]})") from None
