@@ -10,7 +10,7 @@ from sonocal.existing.hdf5_file import MAGIC, Damaged, Item, open_hdf5
 from sonocal.existing.itk_parts import Part, form_said, matrices_of_parts
 from sonocal.existing.matrix import Matrices
 from sonocal.files import file_size, read_at
-from sonocal.files.kinds import Format
+from sonocal.files.kinds import Format, Head
 
 __all__ = ["FORMAT", "read_itk_hdf5"]
 
@@ -20,6 +20,8 @@ PARAMETERS = ("TransformParameters", "TranformParameters")
 FIXED = ("TransformFixedParameters", "TranformFixedParameters")
 # A matrix takes a few kB; displacement fields take more, and are none.
 SIZE_LIMIT = 16 << 20
+# Of a file with a matrix: all of it; names stand behind the first pieces of text.
+NAMES_WITHIN = 64 << 10
 
 
 def read_itk_hdf5(path: Path) -> Matrices:
@@ -64,12 +66,20 @@ def _numbers(members: dict[str, Item], names: tuple[str, ...]) -> list[float]:
     return next((members[name].numbers() for name in names if name in members), [])
 
 
+def _sniff(head: Head) -> bool:
+    """Whether it is HDF5 that names the group of transforms: other programs keep other things in such files."""
+    if not head.content.startswith(MAGIC):
+        return False
+    return GROUP.encode() in head.content or (
+        head.path.is_file() and GROUP.encode() in read_at(head.path, 0, NAMES_WITHIN)
+    )
+
+
 FORMAT = Format(
     name="ITK and 3D Slicer transform, HDF5",
     kind="matrix",
     suffixes=(".h5", ".hdf5"),
-    # Other programs keep other things in such files: scans, for one.
-    sniff=lambda head: head.content.startswith(MAGIC) and GROUP.encode() in head.content,
+    sniff=_sniff,
     read=read_itk_hdf5,
     holds="the same",
 )
