@@ -10,6 +10,8 @@ from click.testing import CliRunner
 import sonocal as sc
 from sonocal.cli.main import main
 from sonocal.detection import detect
+from sonocal.existing.matrix import slicer_form
+from sonocal.export.itk import affine_tfm
 from sonocal.recording import (
     ArrayFrames,
     ImageGeometry,
@@ -716,3 +718,44 @@ def test_info_says_what_is_wrong_first(tmp_path):
         ("ProbeToTracker", 40),
         ("NeedleToTracker", 40),
     ]
+
+
+def test_a_tip_is_compared_with_where_it_was_said_to_be(tools, tmp_path):
+    """Three numbers, our own file, PLUS's StylusTipToStylus and 3D Slicer's transform are one place."""
+    place = np.eye(4)
+    place[:3, 3] = TIP + np.array([3.0, 0.0, 4.0])
+    row = " ".join(map(repr, map(float, place.ravel())))
+    (tmp_path / "plus.xml").write_text(
+        '<PlusConfiguration><CoordinateDefinitions><Transform From="StylusTip" To="Needle" '
+        f'Matrix="{row}"/></CoordinateDefinitions></PlusConfiguration>'
+    )
+    (tmp_path / "tip.tfm").write_bytes(affine_tfm(slicer_form(place), "", ""))
+    (tmp_path / "tip.toml").write_text(
+        POINT.replace("Stylus", "Needle").replace("0.0, 0.5, -150", ", ".join(map(str, place[:3, 3])))
+    )
+    said = [
+        ",".join(map(repr, place[:3, 3].tolist())),
+        *(tmp_path / name for name in ("plus.xml", "tip.tfm", "tip.toml")),
+    ]
+    for one in said:
+        done = run("tool", tools / "pivot.igs.mha", "--tool", "Needle", f"--expected={one}", "--json")
+        assert done.exit_code == 0, done.output
+        found = json.loads(done.stdout)["expected"]
+        assert found["distance_mm"] == pytest.approx(5.0, abs=0.3)
+        assert found["sentence"].endswith("more than that leaves open.")
+        shown = run("tool", tools / "pivot.igs.mha", "--tool", "Needle", f"--expected={one}")
+        assert found["sentence"] in " ".join(shown.output.split())
+    (tmp_path / "plus.xml").write_text(
+        (tmp_path / "plus.xml").read_text().replace('To="Needle"', 'To="Pointer"')
+    )
+    refused = run("tool", tools / "pivot.igs.mha", "--tool", "Needle", "--expected", tmp_path / "plus.xml")
+    assert refused.exit_code == 1
+    assert (
+        "has 0 transforms of a tip to Needle where it must have one, such as NeedleTipToNeedle"
+        in refused.output
+    )
+    alone = run(
+        "tool", "--spin", tools / "spin.igs.mha", "--tool", "Needle", "--length", "100", "--expected=1,2,3"
+    )
+    assert alone.exit_code == 1
+    assert "has no tip to compare with --expected" in alone.output

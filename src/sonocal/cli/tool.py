@@ -16,6 +16,7 @@ from sonocal.cli.options import (
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say, say_json
+from sonocal.cli.tips import expected_tip, place_of_tip
 from sonocal.cli.told import ACCEPT_UNITS, refuse_units
 from sonocal.errors import InputError
 
@@ -41,7 +42,7 @@ class _Range(click.ParamType[slice]):
 
 
 class _Place(click.ParamType["tuple[float, ...] | Path"]):
-    """X,Y,Z in mm, or a file that an earlier ``sonocal tool`` wrote."""
+    """X,Y,Z in mm, or a file with the place: of ``sonocal tool``, PLUS, 3D Slicer."""
 
     name = "FILE|X,Y,Z"
 
@@ -82,6 +83,11 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 )
 @click.option("--stylus", help="Marker of a stylus that touches the tool: RECORDING is a touch, not a pivot.")
 @click.option("--stylus-tip", type=_Place(), help="Where the stylus' tip is in its marker's frame.")
+@click.option(
+    "--expected",
+    type=_Place(),
+    help="Where the tip was said to be: of an earlier one, of PLUS or 3D Slicer, to compare.",
+)
 @click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
 @INVALID
@@ -93,6 +99,7 @@ def tool(
     recording: Path | None,
     *,
     output: Path | None,
+    expected: tuple[float, ...] | Path | None,
     overwrite: bool,
     accept_units: bool,
     as_json: bool,
@@ -130,13 +137,16 @@ def tool(
     found = calibrate_tool(options.pop("tool_name"), **options)
     source = next(part.name for name in ("first", "spin") if (part := options.get(name)) is not None)
     refuse_units(source, found.diagnostics, accepted=accept_units)
+    compared = None if expected is None else expected_tip(found, expected)
     if output is not None:
         reserve(output)
         write_atomically(output, tool_toml(found, str(output)))
     if as_json:
-        say_json(found)
+        say_json(found if compared is None else {"tool": found, "expected": compared})
         return
     print_tool(console(), found)
+    if compared is not None:
+        console().print(compared.sentence, markup=False)
     if output is not None:
         say(f"Wrote {output}")
 
@@ -174,13 +184,6 @@ def _cut(recording: Recording, frames: slice | None) -> Recording:
 
 
 def _stylus(name: str | None, tip: tuple[float, ...] | Path | None) -> Stylus | None:
-    import numpy as np
+    from sonocal.tools import Stylus
 
-    from sonocal.tools import (
-        Stylus,
-        stylus_tip,
-    )
-
-    if name is None or tip is None:
-        return None
-    return Stylus(name, stylus_tip(tip, name) if isinstance(tip, Path) else np.array(tip))
+    return None if name is None or tip is None else Stylus(name, place_of_tip(tip, name))

@@ -18,6 +18,8 @@ __all__ = ["Choice", "candidates", "chosen", "frames_in", "frames_of", "image_ma
 # PLUS gives px of the transducer's origin a frame of their own: it is no place in mm.
 PIXELS = re.compile("pixel|transducerorigin", re.IGNORECASE)
 IMAGE = re.compile("image", re.IGNORECASE)
+# Of a scale: what scales nothing was mostly saved by 3D Slicer, where images have a spacing of their own.
+RIGID = 1e-3
 OTHER_FORM: dict[Form, Form] = {"direct": "slicer", "slicer": "direct", "inverse": "direct"}
 AS: dict[Form, str] = {
     "direct": "as it maps px to mm",
@@ -50,7 +52,7 @@ def chosen(matrices: Matrices, choice: Choice | None = None) -> Existing:
     form = choice.stored_as or stored.form or _form_by_name(stored) or "direct"
     notes = []
     if choice.stored_as is None and stored.form is None and stored.by_scale:
-        form = "slicer" if _scale(stored.matrix) >= 1.0 else "direct"
+        form = "slicer" if _scale(stored.matrix) > 1.0 - RIGID else "direct"
         notes.append(_by_scale(matrices.file, stored, form))
     if stored.transposed:
         notes.append(_transposed(matrices.file))
