@@ -43,6 +43,19 @@ def test_a_right_matrix_is_off_by_the_noise_and_within_what_ours_leaves_open(see
     assert worth.difference.rotation_deg < 2
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_volumes_matrix_is_compared_with_one_scale_whatever_it_has(seed):
+    made = simulate_observations(3, 40, seed=seed)
+    truth = made.probe_from_image
+    right = worth_of(existing(truth), made.observations)
+    assert "worse-than-ours" not in codes(right)
+    assert len(right.difference.places_px) == 9
+    stretched = AxisScaled(truth.rotation, truth.translation, truth.scales * [1.0, 1.05, 1.0])
+    worth = worth_of(existing(stretched), made.observations)
+    assert worth.own.model == "similarity"
+    assert "worse-than-ours" in codes(worth)
+
+
 MOVED = {
     "moved by 6 mm": (
         lambda t: AxisScaled(t.rotation, t.translation + np.array([4, 4, 2]), t.scales),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -124,7 +124,9 @@ def _device_set(_: str, found: DeviceSet) -> Shown:
     transforms = {f"{source}To{target}": matrix for (target, source), matrix in found.transforms.items()}
     doubts = unit_doubts(lines=found.wires)
     record = {"name": found.name, "transforms": transforms, "wires": found.wires, "patterns": found.patterns}
-    meaning, show = ([], None) if not found.transforms else _matrices(found.name, matrices_of(found))
+    meaning, show = (
+        ([], None) if not found.transforms else _matrices(found.name, matrices_of(found), shown=transforms)
+    )
 
     def both() -> None:
         print_device_set(console(), found)
@@ -134,8 +136,11 @@ def _device_set(_: str, found: DeviceSet) -> Shown:
     return record | {"calibrations": meaning, "diagnostics": doubts}, _doubted(doubts, both)
 
 
-def _matrices(_: str, found: Matrices) -> Shown:
-    """All of a file that may be from an image; what else is known by name is said in a sentence."""
+def _matrices(_: str, found: Matrices, *, shown: Container[str] = ()) -> Shown:
+    """All of a file that may be from an image; what else is known by name is said in a sentence.
+
+    The numbers of those whose names are `shown` are on the screen already.
+    """
     from rich.text import Text
 
     from sonocal.cli.screen.existing import existing_record, print_existing, tip_sentences
@@ -147,7 +152,7 @@ def _matrices(_: str, found: Matrices) -> Shown:
 
     def show() -> None:
         for one in each:
-            print_existing(console(), one)
+            print_existing(console(), one, numbers=one.transform not in shown)
         for sentence in tips:
             console().print(Text(sentence))
 

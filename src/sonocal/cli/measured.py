@@ -10,7 +10,7 @@ import click
 
 from sonocal.cli.from_recording import OF_DETECTION, from_recording
 from sonocal.cli.options import typed
-from sonocal.errors import InputError
+from sonocal.errors import InputError, UnsupportedError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
@@ -82,7 +82,12 @@ def read_measured(
             f"{'--crosswire' if crosswire else '--split'} is for tables; leave out --lines"
         )
     options, start = _like(found)
-    result = from_recording(source, lines, None, recorded, options, start=start)
+    try:
+        result = from_recording(source, lines, None, recorded, options, start=start)
+    except UnsupportedError:  # of a volume: ours has one scale, whatever the matrix has
+        if options["model"] == "similarity":
+            raise
+        result = from_recording(source, lines, None, recorded, {"model": "similarity"}, start=start)
     return Measured(result.rows, None, result.calibration, result.recording, nwires or _patterns(lines))
 
 

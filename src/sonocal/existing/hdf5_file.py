@@ -9,12 +9,24 @@ Source: "HDF5 File Format Specification Version 3.0", The HDF Group; section num
 
 from __future__ import annotations
 
-import struct
 import zlib
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
+
+from sonocal.existing.hdf5_parts import (
+    Damaged,
+    Message,
+    attribute_of,
+    count_of,
+    datatype_of,
+    exactly,
+    filters_of,
+    link_of,
+    messages_in,
+    name_at,
+    unpacked,
+)
 
 __all__ = ["MAGIC", "Damaged", "Item", "open_hdf5"]
 
@@ -33,21 +45,10 @@ DATASPACE, LINK_INFO, DATATYPE, LINK, LAYOUT, FILTERS, ATTRIBUTE, CONTINUATION, 
     17,
 )
 FLOAT, STRING, LIST = 1, 3, 9
-# Of filters: that which ITK uses, and from where on they have names.
-DEFLATE, OWN_NAMES = 1, 256
+# Of filters: that which ITK uses.
+DEFLATE = 1
 SLACK = 64
 MOST_BLOCKS, MOST_NODES, MOST_NUMBERS = 64, 2000, 64
-
-
-class Damaged(ValueError):  # noqa: N818 - what the file is
-    """The file is not what HDF5 is, or holds what is not read; the text says what."""
-
-
-class Message(NamedTuple):
-    """One message of an object's header: its kind and its data."""
-
-    kind: int
-    data: bytes
 
 
 def open_hdf5(content: bytes) -> Item:
@@ -93,7 +94,7 @@ class Item:
         Raises:
             Damaged: it has no numbers.
         """
-        count, (kind, size, big) = _count(self._one(DATASPACE)), _datatype(self._one(DATATYPE))
+        count, (kind, size, big) = count_of(self._one(DATASPACE)), datatype_of(self._one(DATATYPE))
         if count > MOST_NUMBERS:
             return []
         if kind != FLOAT or size not in (4, 8):
@@ -107,15 +108,15 @@ class Item:
         Raises:
             Damaged: it has no text.
         """
-        kind, size, _ = _datatype(self._one(DATATYPE))
-        if _count(self._one(DATASPACE)) != 1:
+        kind, size, _ = datatype_of(self._one(DATATYPE))
+        if count_of(self._one(DATASPACE)) != 1:
             raise Damaged("a text is several")
         return self._file.text(kind, self._data(size))
 
     def attribute(self, name: str) -> str:
         """The text of an attribute; "" where there is none."""
         for message in self._messages:
-            if message.kind == ATTRIBUTE and (found := _attribute(message.data)) and found[0] == name:
+            if message.kind == ATTRIBUTE and (found := attribute_of(message.data)) and found[0] == name:
                 return self._file.text(*found[1:])
         return ""
 
@@ -127,21 +128,21 @@ class Item:
 
     def _data(self, size: int) -> bytes:
         """The data of a dataset, which must lie in one piece (IV.A.2.i)."""
-        version, how, dimension = _exactly(self._one(LAYOUT), 3)
+        version, how, dimension = exactly(self._one(LAYOUT), 3)
         rest = self._one(LAYOUT)[2:]
         if version not in (3, 4) or how > 2 or (how == 2 and version == 4):
             raise Damaged("its numbers lie otherwise")
         if how == 0:
-            return _exactly(rest[2:], size)
+            return exactly(rest[2:], size)
         if how == 1:
-            return self._file.at(_unpacked("<Q", rest)[0], size)
-        piece, mask = self._file.piece(_unpacked("<Q", rest[1:])[0], dimension)
-        return _exactly(piece if mask else self._unfiltered(piece, size), size)
+            return self._file.at(unpacked("<Q", rest)[0], size)
+        piece, mask = self._file.piece(unpacked("<Q", rest[1:])[0], dimension)
+        return exactly(piece if mask else self._unfiltered(piece, size), size)
 
     def _unfiltered(self, piece: bytes, size: int) -> bytes:
         """A piece that may be compressed (IV.A.2.l), as ITK does when it is told to."""
         filters = [message.data for message in self._messages if message.kind == FILTERS]
-        for one in reversed(_filters(filters[0]) if filters else []):
+        for one in reversed(filters_of(filters[0]) if filters else []):
             if one != DEFLATE:
                 raise Damaged("its numbers are compressed in a way that ITK does not use")
             try:
@@ -153,13 +154,13 @@ class Item:
     def _links(self) -> Iterator[tuple[str, int]]:
         for message in self._messages:
             if message.kind == SYMBOLS:
-                tree, heap = _unpacked("<QQ", message.data)
+                tree, heap = unpacked("<QQ", message.data)
                 yield from self._file.symbols(tree, heap)
-            elif message.kind == LINK and (link := _link(message.data)) is not None:
+            elif message.kind == LINK and (link := link_of(message.data)) is not None:
                 yield link
             elif message.kind == LINK_INFO:
                 offset = 2 + 8 * (message.data[1:2] > b"\0" and message.data[1] & 1)
-                if _unpacked("<Q", message.data[offset:])[0] != UNDEFINED:
+                if unpacked("<Q", message.data[offset:])[0] != UNDEFINED:
                     raise Damaged("a group has more members than a file of transforms")
 
 
@@ -187,14 +188,14 @@ class _File:
             size, start = int.from_bytes(self.at(start, width), "little"), start + width
         else:
             flags, start = 0, address + 16
-            size = _unpacked("<I", self.at(address + 8, 4))[0]
+            size = unpacked("<I", self.at(address + 8, 4))[0]
         blocks = [(start, size)]
         for done, (begin, length) in enumerate(blocks):
             if done > MOST_BLOCKS:
                 raise Damaged("a header has no end")
-            for message in _split(self.at(begin, length), newer=newer, ordered=bool(flags & 4)):
+            for message in messages_in(self.at(begin, length), newer=newer, ordered=bool(flags & 4)):
                 if message.kind == CONTINUATION:
-                    where, count = _unpacked("<QQ", message.data)
+                    where, count = unpacked("<QQ", message.data)
                     # The newer form has a signature before, and a checksum behind.
                     blocks.append((where + 4, count - 8) if newer else (where, count))
                 else:
@@ -212,29 +213,29 @@ class _File:
                 raise Damaged("a group has no end")
             mark = self.at(node, 4)
             if mark == b"TREE":
-                (used,) = _unpacked("<H", self.at(node + 6, 2))
+                (used,) = unpacked("<H", self.at(node + 6, 2))
                 ahead += [self.number(node + 32 + 16 * i) for i in range(used)]
             elif mark == b"SNOD":
-                (count,) = _unpacked("<H", self.at(node + 6, 2))
+                (count,) = unpacked("<H", self.at(node + 6, 2))
                 for entry in range(node + 8, node + 8 + 40 * count, 40):
-                    name, address, cached = _unpacked("<QQI", self.at(entry, 20))
+                    name, address, cached = unpacked("<QQI", self.at(entry, 20))
                     if cached != 2:  # a link by name
-                        yield _name(self.at(names, size), name), address
+                        yield name_at(self.at(names, size), name), address
             else:
                 raise Damaged("a group's members are not where it says")
 
     def piece(self, tree: int, dimension: int) -> tuple[bytes, int]:
         """The only piece of a dataset in pieces, and which filters it was spared (III.A.1, node type 1)."""
-        mark, kind, level, used = self.at(tree, 4), *_unpacked("<BBH", self.at(tree + 4, 4))
+        mark, kind, level, used = self.at(tree, 4), *unpacked("<BBH", self.at(tree + 4, 4))
         if (mark, kind, level, used) != (b"TREE", 1, 0, 1):
             raise Damaged("its numbers lie in several pieces")
-        size, mask = _unpacked("<II", self.at(tree + 24, 8))
+        size, mask = unpacked("<II", self.at(tree + 24, 8))
         return self.at(self.number(tree + 32 + 8 * dimension), size), mask
 
     def text(self, kind: int, data: bytes) -> str:
         """Text of one fixed length, or of any, whose bytes are in a heap of the file (III.E)."""
         if kind == LIST:
-            length, heap, index = _unpacked("<IQI", data)
+            length, heap, index = unpacked("<IQI", data)
             data = self._heaped(heap, index)[:length]
         elif kind != STRING:
             raise Damaged("a text is none")
@@ -245,94 +246,10 @@ class _File:
             raise Damaged("a text is not where it says")
         end, here = heap + self.number(heap + 8), heap + 16
         while here + 16 <= end:
-            (index,), size = _unpacked("<H", self.at(here, 2)), self.number(here + 8)
+            (index,), size = unpacked("<H", self.at(here, 2)), self.number(here + 8)
             if index == wanted:
                 return self.at(here + 16, size)
             if index == 0:
                 break
             here += 16 + (size + 7) // 8 * 8
         raise Damaged("a text is not where it says")
-
-
-def _split(block: bytes, *, newer: bool, ordered: bool) -> Iterator[Message]:
-    """The messages of a piece of a header."""
-    here, head = 0, (6 if ordered else 4) if newer else 8
-    while here + head <= len(block):
-        kind, size = _unpacked("<BH" if newer else "<HH", block[here:])
-        yield Message(kind, _exactly(block[here + head :], size))
-        here += head + size
-
-
-def _link(data: bytes) -> tuple[str, int] | None:
-    """Name and address of a link (IV.A.2.g); None of one that leads elsewhere."""
-    flags, here = _exactly(data, 2)[1], 2
-    hard = not flags & 8 or data[2:3] == b"\0"
-    here += bool(flags & 8) + 8 * bool(flags & 4) + bool(flags & 16)
-    width = 1 << (flags & 3)
-    size, here = int.from_bytes(data[here : here + width], "little"), here + width
-    if not hard:
-        return None
-    return _exactly(data[here:], size).decode("utf-8", "replace"), _unpacked("<Q", data[here + size :])[0]
-
-
-def _attribute(data: bytes) -> tuple[str, int, bytes] | None:
-    """Name, kind and bytes of an attribute of one value (IV.A.2.m); None of others."""
-    version, _, *sizes = _unpacked("<BBHHH", data)
-    here = 9 if version == 3 else 8
-    parts = []
-    for size in sizes:
-        parts.append(_exactly(data[here:], size))
-        here += (size + 7) // 8 * 8 if version == 1 else size
-    name, datatype, space = parts
-    if _count(space) != 1:
-        return None
-    kind, size, _ = _datatype(datatype)
-    return name.split(b"\0")[0].decode("utf-8", "replace"), kind, _exactly(data[here:], size)
-
-
-def _filters(data: bytes) -> list[int]:
-    """Which filters a dataset's pieces went through, in their order."""
-    version, count = _exactly(data, 2)
-    here, found = 8 if version == 1 else 2, []
-    for _ in range(count):
-        (one,) = _unpacked("<H", data[here:])
-        named = version == 1 or one >= OWN_NAMES
-        length = _unpacked("<H", data[here + 2 :])[0] if named else 0
-        (values,) = _unpacked("<H", data[here + (6 if named else 4) :])
-        padded = (values + values % 2 if version == 1 else values) * 4
-        here += (8 if named else 6) + length + padded
-        found.append(one)
-    return found
-
-
-def _count(space: bytes) -> int:
-    """How many values there are (IV.A.2.b)."""
-    version, rank = _exactly(space, 2)
-    start = 8 if version == 1 else 4
-    count = 1
-    for i in range(rank):
-        count *= _unpacked("<Q", space[start + 8 * i :])[0]
-    return int(count)
-
-
-def _datatype(data: bytes) -> tuple[int, int, bool]:
-    """The kind of values, their size, and whether the high byte comes first (IV.A.2.d)."""
-    head, bits, size = _unpacked("<BBxxI", data)
-    return head & 15, size, bool(bits & 1)
-
-
-def _name(names: bytes, offset: int) -> str:
-    end = names.find(b"\0", offset)
-    if end < 0:
-        raise Damaged("a name has no end")
-    return names[offset:end].decode("utf-8", "replace")
-
-
-def _exactly(data: bytes, size: int) -> bytes:
-    if len(data) < size:
-        raise Damaged("a part of a header is cut off")
-    return data[:size]
-
-
-def _unpacked(form: str, data: bytes) -> tuple[int, ...]:
-    return struct.unpack(form, _exactly(data, struct.calcsize(form)))

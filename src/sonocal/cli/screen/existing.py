@@ -25,10 +25,10 @@ __all__ = ["existing_record", "print_difference", "print_existing", "print_worth
 UNTURNED = 1e-6
 
 
-def print_existing(console: Console, existing: Existing) -> None:
-    """What is odd first, then the matrix and its meaning."""
+def print_existing(console: Console, existing: Existing, *, numbers: bool = True) -> None:
+    """What is odd first, then the matrix, unless its numbers are on the screen already, and its meaning."""
     print_findings(console, matrix_findings(existing), "warning")
-    console.print(_matrix(existing))
+    console.print(_matrix(existing, numbers=numbers))
     print_findings(console, matrix_findings(existing), "info")
 
 
@@ -115,12 +115,12 @@ def tip_sentences(matrices: Matrices) -> list[str]:
     return said
 
 
-def _matrix(existing: Existing) -> RenderableType:
+def _matrix(existing: Existing, *, numbers: bool = True) -> RenderableType:
     said = existing.said[:1].upper() + existing.said[1:]
     title = f"{said} ({existing.format}): mm in the probe marker's frame from px"
     return Group(
         Text(title, style="bold"),
-        MatrixRows(existing.matrix),
+        *([MatrixRows(existing.matrix)] if numbers else []),
         *(Text(sentence) for sentence in _meaning(existing)),
         Text(),
     )
