@@ -22,8 +22,11 @@ __all__ = ["IMAGE_STATUS", "PREFIX", "TRANSFORM", "ItemFields", "interpret"]
 PREFIX = "Seq_Frame"
 TRANSFORM = re.compile(r"(.+?)To([A-Z0-9_].*)Transform")
 IMAGE_STATUS = ("ImageStatus", "Status")
-# More digits than any recording has frames; a longer number is not one.
-NUMBER_DIGITS = 9
+# PLUS pads to four digits and other writers to ten; what has more than a whole number of 64 bits holds is no frame.
+NUMBER_DIGITS = 18
+# How Microsoft's C library spells what is no number, also cut or padded to the digits asked for: 1.#QNAN, -1.#IND00,
+# nan(ind). Its infinities are no poses either.
+NO_NUMBER = re.compile(r"[-+]?(?:1\.#[A-Z]+[0-9]*|nan\([a-z]+\))", re.IGNORECASE)
 
 
 @dataclass
@@ -123,7 +126,7 @@ def _sixteen_each(column: Mapping[int, str]) -> Array | None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            numbers = np.fromstring(" inf ".join(column.values()) + " inf", sep=" ")
+            numbers = np.fromstring(_plain(" inf ".join(column.values()) + " inf"), sep=" ")
         except (DeprecationWarning, ValueError):
             return None
     if len(numbers) != 17 * len(column) or not np.isposinf(numbers[16::17]).all():
@@ -131,8 +134,13 @@ def _sixteen_each(column: Mapping[int, str]) -> Array | None:
     return numbers.reshape(-1, 17)[:, :16]
 
 
+def _plain(text: str) -> str:
+    """The text with every spelling of what is no number as Python and NumPy spell it."""
+    return NO_NUMBER.sub("nan", text) if "#" in text or "(" in text else text
+
+
 def _sixteen(name: str, index: int, field_name: str, text: str) -> list[float]:
-    words = text.split()
+    words = _plain(text).split()
     if len(words) != 16:
         raise FormatError(f"{name}, frame {index}: {field_name} has {len(words)} numbers where a pose has 16")
     try:
