@@ -101,6 +101,7 @@ READERS = {
     "poses": Reader(".csv", whole, contents("CSV of poses")),
     "motive": Reader(".csv", whole, contents("OptiTrack Motive CSV")),
     "dicom": Reader(".dcm", whole, contents("DICOM")),
+    "kretz": Reader(".vol", whole, contents("GE Kretz volume")),
     "pictures": Reader(".png", whole, contents("image")),
     "video": Reader(".mp4", whole, contents("video", ".mp4")),
     "device-set": Reader(".xml", read_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),

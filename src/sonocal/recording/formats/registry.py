@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
-from sonocal.recording.formats import dicom, image, image_folder, metaio, motive, nrrd, pose_csv, video
+from sonocal.recording.formats import dicom, image, image_folder, kretz, metaio, motive, nrrd, pose_csv, video
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
@@ -24,6 +24,7 @@ FORMATS: tuple[Format, ...] = (
     motive.FORMAT,
     video.FORMAT,
     dicom.FORMAT,
+    kretz.FORMAT,
     image.FORMAT,
     image_folder.FORMAT,
 )
