@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,6 +54,28 @@ class ItemFields:
                 f"{self.name}, frame {index}: {item_field} stands twice in the header; delete one"
             )
         column[index] = value
+
+    def take(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+        """Keep the lines ``Seq_Frame<number>_<field> = ...`` of numbered ones; gives the others.
+
+        What `add` does, in one loop for an hour's million lines.
+
+        Raises:
+            FormatError: as `add`.
+        """
+        columns = self.columns
+        for line, text in lines:
+            key, equals, value = text.partition("=")
+            if text[:9] != PREFIX or not equals:
+                yield line, text
+                continue
+            number, _, item_field = key[9:].partition("_")
+            column = columns.get(item_field.rstrip())
+            sound = column is not None and number.isdecimal() and len(number) <= NUMBER_DIGITS
+            if sound and (index := int(number)) not in column:  # type: ignore[operator]
+                column[index] = value.strip()  # type: ignore[index]
+            else:
+                self.add(key.rstrip(), value.strip())
 
     @property
     def count(self) -> int:
@@ -151,12 +173,14 @@ def _sixteen(name: str, index: int, field_name: str, text: str) -> list[float]:
 
 def _times(name: str, column: Mapping[int, str], count: int) -> Array:
     times = np.full(count, np.nan)
-    for index, text in column.items():
-        if not _is_number(text) or not np.isfinite(value := float(text)):
-            raise FormatError(
-                f"{name}, frame {index}: Timestamp {text[:40]!r} is not a finite number of seconds"
-            )
-        times[index] = value
+    try:
+        numbers = np.array([float(text) for text in column.values()])
+    except ValueError:
+        numbers = np.array([float(text) if _is_number(text) else np.nan for text in column.values()])
+    if not np.isfinite(numbers).all():
+        index, text = list(column.items())[int(np.argmin(np.isfinite(numbers)))]
+        raise FormatError(f"{name}, frame {index}: Timestamp {text[:40]!r} is not a finite number of seconds")
+    times[np.fromiter(column, dtype=np.int64, count=len(column))] = numbers
     if column and len(column) < count:
         missing = int(np.flatnonzero(np.isnan(times))[0])
         raise InputError(
