@@ -13,6 +13,7 @@ from sonocal.files import file_size
 from sonocal.files.kinds import Format, Head
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.packages import needed
+from sonocal.recording.formats.parts.video_write import write_video
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 
@@ -153,6 +154,8 @@ FORMAT = Format(
     suffixes=(".mp4", ".mkv", ".avi", ".mov"),
     sniff=_sniff,
     read=read_video,
-    holds="with the `.csv` of the same name beside it",
+    holds="with the `.csv` of the same name beside it; written without loss (FFV1)",
+    write=write_video,
+    writes=(".mkv",),
     needs=("av",),
 )
