@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonocal import FormatError
+from sonocal import FormatError, UnsupportedError
 from sonocal.recording.formats import read_recording
 from tests.builders.pictures import dicom_file, images, items, palette
 from tests.builders.recordings import random_pixels
@@ -206,6 +206,31 @@ def test_a_scale_is_a_length_or_none(tmp_path_factory, deltas, units):
 def test_pixel_spacing_serves_where_no_region_has_cm(tmp_path):
     dicom_file(tmp_path / "a.dcm", images((2, 4, 6)), PixelSpacing=[0.3, 0.2])
     assert read_recording(tmp_path / "a.dcm").image.spacing_mm == (0.2, 0.3)
+
+
+@pytest.mark.parametrize("other", [{"PixelSpacing": [0.4, 0.2]}, {}])
+def test_files_of_one_folder_share_their_scale_or_have_none(tmp_path, other):
+    """The depth may have been changed while it was recorded."""
+    for i, fields in enumerate([{"PixelSpacing": [0.3, 0.2]}] * 2 + [other]):
+        dicom_file(tmp_path / f"{i}.dcm", images((4, 6)), **fields)
+    recording = read_recording(tmp_path)
+    assert recording.image.spacing_mm is None
+    (said,) = recording.diagnostics
+    last = "0.2 x 0.4 mm/px" if other else "no mm/px"
+    assert (said.code, said.severity) == ("region-scales", "warning")
+    assert said.message == f"images have different mm/px: 0.2 x 0.3 mm/px at first, {last} in image 2"
+    (tmp_path / "2.dcm").unlink()
+    assert read_recording(tmp_path).image.spacing_mm == (0.2, 0.3)
+
+
+def test_a_file_of_several_images_among_others_is_refused(tmp_path):
+    """Only its first image was taken, once."""
+    dicom_file(tmp_path / "0.dcm", images((4, 6)))
+    dicom_file(tmp_path / "1.dcm", images((3, 4, 6)))
+    with pytest.raises(
+        UnsupportedError, match=r"1\.dcm holds 3 images, and a folder files of one image each"
+    ):
+        read_recording(tmp_path)
 
 
 @pytest.mark.parametrize("frames", [4, 10_000_000])

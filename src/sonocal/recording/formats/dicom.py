@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sonocal.errors import UnsupportedError
 from sonocal.files.kinds import Format
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
@@ -15,7 +16,7 @@ from sonocal.recording.formats.kretz import read_kretz
 from sonocal.recording.formats.parts.dicom_file import DicomFile
 from sonocal.recording.formats.parts.dicom_pixels import DicomFrames
 from sonocal.recording.formats.parts.dicom_private import kretz_at, private_volumes
-from sonocal.recording.formats.parts.dicom_regions import scale_of
+from sonocal.recording.formats.parts.dicom_regions import scale_of, shared_scale
 from sonocal.recording.formats.parts.dicom_volumes import (
     ENHANCED_US_VOLUME,
     PHILIPS_VOLUME,
@@ -53,33 +54,44 @@ def read_dicom(path: Path) -> Recording:
         return Recording(times=times, frames=found.frames, image=geometry, provenance=provenance)
     private = private_volumes(file)
     frames = DicomFrames(file, count=file.frame_count)
-    return _images(file, frames, start + _steps(file, len(frames)), provenance, private)
+    spacing, said = scale_of(file)
+    return _images(frames, start + _steps(file, len(frames)), provenance, spacing, (*private, *said))
 
 
 def read_dicom_files(paths: Sequence[Path], name: str) -> Recording:
-    """Read single-frame DICOM files, in the order of their acquisition times."""
-    times = np.array([_start(DicomFile.open(path)) for path in paths])
+    """Read single-frame DICOM files, in the order of their acquisition times.
+
+    Raises:
+        UnsupportedError: as `read_dicom`; or a file holds several images.
+        FormatError: a file is no DICOM image.
+    """
+    times, scales = np.empty(len(paths)), []
+    for i, path in enumerate(paths):
+        file = DicomFile.open(path)
+        if (count := file.frame_count) > 1 or file.sop_class in VOLUMES:
+            raise UnsupportedError(
+                f"{name}: {path.name} holds {count} images, and a folder files of one image each; name that file alone"
+            )
+        times[i] = _start(file)
+        scales.append(scale_of(file))
     if np.isnan(times).any():
         times = np.full(len(paths), np.nan)
     order = np.argsort(times, kind="stable")  # NaN keeps the order of the names
     ordered = [paths[i] for i in order]
-    first = DicomFile.open(ordered[0])
     provenance = Provenance(name, "DICOM files", tuple(map(str, ordered)))
-    return _images(first, DicomFrames(first, ordered), times[order], provenance)
+    frames = DicomFrames(DicomFile.open(ordered[0]), ordered)
+    return _images(frames, times[order], provenance, *shared_scale([scales[i] for i in order]))
 
 
 def _images(
-    file: DicomFile,
     frames: DicomFrames,
     times: Array,
     provenance: Provenance,
-    said: tuple[Diagnostic, ...] = (),
+    spacing: tuple[float, float] | None,
+    said: tuple[Diagnostic, ...],
 ) -> Recording:
-    spacing, of_scale = scale_of(file)
     geometry = ImageGeometry.of(frames, spacing_mm=spacing)
-    return Recording(
-        times=times, frames=frames, image=geometry, provenance=provenance, diagnostics=(*said, *of_scale)
-    )
+    return Recording(times=times, frames=frames, image=geometry, provenance=provenance, diagnostics=said)
 
 
 def _steps(file: DicomFile, count: int) -> Array:

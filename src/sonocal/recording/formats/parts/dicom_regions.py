@@ -11,9 +11,10 @@ from sonocal.errors import FormatError
 from sonocal.findings import Diagnostic
 from sonocal.recording.formats.parts.dicom_file import DicomFile, Item
 
-__all__ = ["scale_of"]
+__all__ = ["scale_of", "shared_scale"]
 
 Spacing = tuple[float, float]
+Scale = tuple[Spacing | None, tuple[Diagnostic, ...]]
 
 MM_PER_CM = 10.0
 CENTIMETRES = 3
@@ -27,7 +28,7 @@ UNITS = ("none", "percent", "dB", "cm", "s", "Hz", "dB/s", "cm/s", "cm2", "cm2/s
 SAME = 1e-3
 
 
-def scale_of(file: DicomFile) -> tuple[Spacing | None, tuple[Diagnostic, ...]]:
+def scale_of(file: DicomFile) -> Scale:
     """(u, v) mm/px of the image, and what is to be said of it.
 
     It is that of the regions of 2D tissue where they agree; PixelSpacing, which is (row, column), where there are no
@@ -38,14 +39,35 @@ def scale_of(file: DicomFile) -> tuple[Spacing | None, tuple[Diagnostic, ...]]:
     scales = [one.spacing for one in tissue if one.spacing is not None]
     if not scales:
         return _pixel_spacing(file), _unscaled(tissue)
-    if any(not np.allclose(one, scales[0], rtol=SAME, atol=0) for one in scales):
+    if not all(_alike(one, scales[0]) for one in scales):
         return None, (_differing(tissue),)
-    others = [
-        one
-        for one in shown
-        if one.spacing is None or not np.allclose(one.spacing, scales[0], rtol=SAME, atol=0)
-    ]
+    others = [one for one in shown if one.spacing is None or not _alike(one.spacing, scales[0])]
     return scales[0], (_of_tissue_alone(tissue, others),) if others else ()
+
+
+def shared_scale(scales: Sequence[Scale]) -> Scale:
+    """The mm/px that several files agree upon, and what is said of the first: a scanner's depth may be changed."""
+    first, said = scales[0]
+    found = [spacing for spacing, _ in scales]
+    odd = next(
+        (i for i, one in enumerate(found) if (one is None) != (first is None) or not _alike(one, first)), None
+    )
+    if odd is None:
+        return first, said
+    shown = [
+        "no mm/px" if one is None else "{:.4g} x {:.4g} mm/px".format(*one) for one in (first, found[odd])
+    ]
+    changed = Diagnostic(
+        code="region-scales",
+        severity="warning",
+        message=f"images have different mm/px: {shown[0]} at first, {shown[1]} in image {odd}",
+        advice="keep images of one depth and zoom in the folder: a calibration holds for one",
+    )
+    return None, (changed, *said)
+
+
+def _alike(one: Spacing | None, other: Spacing | None) -> bool:
+    return one is None or other is None or bool(np.allclose(one, other, rtol=SAME, atol=0))
 
 
 @dataclass(frozen=True)
