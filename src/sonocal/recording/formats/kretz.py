@@ -165,10 +165,11 @@ def _voxels(elements: _Elements, sizes: tuple[int, ...]) -> int:
 
 def _toroid(elements: _Elements, sizes: tuple[int, ...]) -> Toroid:
     step = MM_PER_M * elements.number(RESOLUTION, "<d")
-    beams, images = (
-        np.frombuffer(elements.value(tag, 8 * count), "<f8") - np.pi / 2
-        for tag, count in ((BEAM_ANGLES, sizes[1]), (IMAGE_ANGLES, sizes[2]))
-    )
+    with np.errstate(invalid="ignore"):  # what is no number is refused with the angles
+        beams, images = (
+            np.frombuffer(elements.value(tag, 8 * count), "<f8") - np.pi / 2
+            for tag, count in ((BEAM_ANGLES, sizes[1]), (IMAGE_ANGLES, sizes[2]))
+        )
     first, axis = step * elements.number(RADIUS, "<d"), -step * elements.number(AXIS, "<d")
     return Toroid(elements.name, sizes[0], step, first, axis, beams, images)
 

@@ -87,7 +87,9 @@ class Item:
             FormatError: it is damaged.
         """
         try:
-            found = self.data.get(key)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = self.data.get(key)
             found = getattr(found, "value", found) if isinstance(key, int) else found
         except Exception as error:  # pydicom raises many kinds for damaged values
             raise FormatError(f"{self.name}: its {_named(key)} cannot be read ({str(error)[:60]})") from None

@@ -53,7 +53,7 @@ class Toroid:
         lengths = [self.sample_mm, self.first_mm, self.axis_mm, self.samples * self.sample_mm]
         if (
             not (np.isfinite(lengths).all() and self.sample_mm > 0 and self.first_mm >= 0)
-            or max(lengths) > LONGEST_MM
+            or np.abs(lengths).max() > LONGEST_MM
         ):
             raise FormatError(
                 f"{self.name}: its beams start at {self.first_mm:g} mm with samples of {self.sample_mm:g} mm; "
