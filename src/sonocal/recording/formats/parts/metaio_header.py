@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 from sonocal.errors import FormatError
 from sonocal.files import reading
+from sonocal.recording.formats.parts.header_lines import HeaderLines
 from sonocal.recording.formats.parts.sequence_fields import ItemFields
 
 __all__ = ["ELEMENT_TYPES", "FIELD", "STRUCTURE", "Header", "read_header"]
@@ -47,8 +46,7 @@ KEY = re.compile(r"[A-Za-z_][\w .\-]*")
 # Of the header itself: not of an item, and no blank at its end, which readers drop.
 FIELD = re.compile(r"(?!Seq_Frame)[A-Za-z_]([\w .\-]*[\w.\-])?")
 END = re.compile(rb"^[^\S\n]*ElementDataFile[^\S\n]*=[^\n]*\n?", re.MULTILINE)
-# A line of a header; longer ones are pixels taken for text.
-LINE_LIMIT = 1 << 20
+LINES = HeaderLines(END, longest=1 << 20, kind="a MetaIO header", closing="ends with ElementDataFile")
 
 
 @dataclass
@@ -81,8 +79,8 @@ def read_header(path: Path) -> Header:
     fields: dict[str, str] = {}
     items, name = ItemFields(path.name), path.name
     with reading(path), path.open("rb") as file:
-        for first, lines, end in _blocks(name, file):
-            for number, text in items.take(enumerate(lines, first)):
+        for first, lines, end in LINES.blocks(name, file):
+            for number, text in items.take(enumerate(lines, first), "="):
                 _take(fields, name, number, text)
             if "ElementDataFile" in fields:
                 return Header(name, fields, items, end)
@@ -103,39 +101,3 @@ def _take(fields: dict[str, str], name: str, number: int, text: str) -> None:
     if key in fields:
         raise FormatError(f"{name}, line {number}: {key} stands twice in the header; delete one")
     fields[key] = value.strip()
-
-
-def _blocks(name: str, file: BinaryIO) -> Iterator[tuple[int, list[str], int]]:
-    """Lines by the thousand: the number of the first, the lines, the offset behind them; the last ends the header.
-
-    Lines one at a time cost half a second more for an hour of poses.
-    """
-    number, offset, rest = 1, 0, b""
-    while True:
-        chunk = file.read(LINE_LIMIT)
-        block = rest + chunk
-        whole = len(block) if len(chunk) < LINE_LIMIT else block.rfind(b"\n") + 1
-        if end := END.search(block, 0, whole):
-            whole = end.end()
-        if len(block) - whole >= LINE_LIMIT and not end:
-            raise _no_text(name, number + block.count(b"\n", 0, whole))
-        text = _text(name, number, block[:whole])
-        offset += whole
-        yield number, text.split("\n"), offset
-        if len(chunk) < LINE_LIMIT:
-            return
-        number, rest = number + text.count("\n"), block[whole:]
-
-
-def _text(name: str, number: int, block: bytes) -> str:
-    if (zero := block.find(b"\0")) >= 0:
-        raise _no_text(name, number + block.count(b"\n", 0, zero))
-    try:
-        return block.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line = number + block.count(b"\n", 0, error.start)
-        raise FormatError(f"{name}, line {line}: is not UTF-8 text; a MetaIO header is") from None
-
-
-def _no_text(name: str, line: int) -> FormatError:
-    return FormatError(f"{name}, line {line}: is not text; a MetaIO header ends with ElementDataFile")

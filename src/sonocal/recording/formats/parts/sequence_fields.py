@@ -55,7 +55,7 @@ class ItemFields:
             )
         column[index] = value
 
-    def take(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    def take(self, lines: Iterable[tuple[int, str]], separator: str) -> Iterator[tuple[int, str]]:
         """Keep the lines ``Seq_Frame<number>_<field> = ...`` of numbered ones; gives the others.
 
         What `add` does, in one loop for an hour's million lines.
@@ -65,8 +65,8 @@ class ItemFields:
         """
         columns = self.columns
         for line, text in lines:
-            key, equals, value = text.partition("=")
-            if text[:9] != PREFIX or not equals:
+            key, equals, value = text.partition(separator)
+            if text[:9] != PREFIX or not equals or separator[0] in key:
                 yield line, text
                 continue
             number, _, item_field = key[9:].partition("_")

@@ -1,12 +1,14 @@
 """A header is read in blocks: nothing of it depends on where they end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sonocal import FormatError
-from sonocal.recording.formats.parts import metaio_header
+from sonocal.recording.formats.parts import header_lines, metaio_header, nrrd_header
 from sonocal.recording.formats.parts.metaio_header import read_header
 from tests.builders.recordings import random_recording
 from tests.builders.strategies import WORDS
@@ -14,10 +16,11 @@ from tests.builders.strategies import WORDS
 LONGEST = 120
 
 
-def read_in_blocks(monkeypatch, path, size):
+def read_in_blocks(monkeypatch, path, size, module=metaio_header):
     with monkeypatch.context() as change:
-        change.setattr(metaio_header, "LINE_LIMIT", size)
-        return read_header(path)
+        change.setattr(header_lines, "CHUNK", size)
+        change.setattr(module, "LINES", replace(module.LINES, longest=size))
+        return module.read_header(path)
 
 
 @given(
@@ -85,3 +88,28 @@ def test_pixels_may_look_like_a_header(tmp_path):
     recording = read_recording(tmp_path / "a.mha")
     assert recording.frames[1].tobytes().endswith(fake)
     assert np.isfinite(recording.times).all()
+
+
+@given(
+    words=st.lists(WORDS, min_size=1, max_size=6, unique=True),
+    items=st.integers(0, 9),
+    ends=st.sampled_from(["\n", "\r\n"]),
+    size=st.integers(LONGEST, 4 * LONGEST),
+    pixels=st.binary(max_size=400),
+)
+def test_nothing_of_an_nrrd_header_does_either(tmp_path_factory, words, items, ends, size, pixels):
+    path = tmp_path_factory.mktemp("blocks") / "a.nrrd"
+    pairs, fields = {f"X{word}": word[::-1] for word in words}, {word.lower(): f"{word}:=1" for word in words}
+    lines = ["NRRD0004", *(f"{key}:={text}" for key, text in pairs.items()), "# a remark: none"]
+    lines += [f"Seq_Frame{i:04d}_Note:={'n' * i}" for i in range(items)]
+    lines += [f"{key}: {text}" for key, text in fields.items()]
+    head = "".join(f"{line}{ends}" for line in [*lines, ""])
+    path.write_bytes(head.encode() + pixels)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        for header in (
+            nrrd_header.read_header(path),
+            read_in_blocks(monkeypatch, path, size, nrrd_header),
+        ):
+            assert (header.pairs, header.fields) == (pairs, fields)
+            assert header.items.columns == ({"Note": {i: "n" * i for i in range(items)}} if items else {})
+            assert header.end == len(head.encode())
