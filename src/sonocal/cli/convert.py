@@ -58,7 +58,8 @@ def convert(
     reserve(*files, read=loaded.provenance.paths)
     with progress("writing") as report:
         write_recording(_watched(loaded, report), output, not raw)
-    say(f"Wrote {len(loaded)} items to {' and '.join(str(path) for path in files if path.exists())}")
+    made = " and ".join(str(path) for path in files if path.exists())
+    say(f"Wrote {len(loaded)} item{'s' * (len(loaded) != 1)} to {made}")
     if lost := ", ".join(_lost(loaded, output.suffix.lower())):
         say(f"Not in it, for which the format has no place: {lost}")
 
