@@ -182,10 +182,18 @@ PRIVATE = {
 }
 
 
+@pytest.mark.parametrize("syntax", ["ImplicitVRLittleEndian", "ExplicitVRLittleEndian"])
+@pytest.mark.parametrize("delimited", [False, True])
 @pytest.mark.parametrize("whose", PRIVATE)
-def test_private_volumes_beside_pictures_are_named(tmp_path, whose):
+def test_private_volumes_beside_pictures_are_named(tmp_path, whose, delimited, syntax):
     maker, private = PRIVATE[whose]
-    dicom_file(tmp_path / "a.dcm", images((2, 4, 6)), Manufacturer=maker, private=private)
+    syntax = getattr(pydicom.uid, syntax)
+    dicom_file(tmp_path / "a.dcm", images((2, 4, 6)), syntax=syntax, Manufacturer=maker, private=private)
+    if delimited:
+        written = pydicom.dcmread(tmp_path / "a.dcm")
+        for tag, (kind, _) in private.items():
+            written[tag].is_undefined_length = kind == "SQ"
+        written.save_as(tmp_path / "a.dcm")
     recording = read_recording(tmp_path / "a.dcm")
     np.testing.assert_array_equal(np.stack(list(recording.frames)), images((2, 4, 6)))
     assert [(d.code, d.severity) for d in recording.diagnostics] == [("private-volumes", "warning")]

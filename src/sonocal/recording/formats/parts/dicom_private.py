@@ -6,7 +6,7 @@ import re
 import warnings
 from typing import Any
 
-from sonocal.errors import FormatError, UnsupportedError
+from sonocal.errors import UnsupportedError
 from sonocal.files import read_at
 from sonocal.findings import Diagnostic
 from sonocal.recording.formats.parts.dicom_file import Clamped, DicomFile
@@ -65,7 +65,7 @@ def _glance(file: DicomFile, tag: int) -> bytes:
 
 
 def _place(file: DicomFile, tag: int) -> int | None:
-    """Where the value of an element is, which may stand behind the pixels."""
+    """Where the value of an element is, which may stand behind the pixels; None where it is absent or damaged."""
     import pydicom
 
     try:
@@ -76,7 +76,9 @@ def _place(file: DicomFile, tag: int) -> int | None:
             if tag not in data:
                 return None
             element = data.get_item(tag, keep_deferred=True)
-    except Exception as error:  # pydicom raises many kinds for damaged files
-        raise FormatError(f"{file.name}: its private data cannot be read ({str(error)[:60]})") from None
+    except (
+        Exception
+    ):  # pydicom raises many kinds for damaged files, and pictures are worth more than what is private
+        return None
     place = getattr(element, "value_tell", None) or getattr(element, "file_tell", None)
     return None if place is None else int(place)
