@@ -203,6 +203,20 @@ def test_private_volumes_beside_pictures_are_named(tmp_path, whose, delimited, s
     assert "private-volumes" in [d.code for d in health(recording)]
 
 
+@pytest.mark.parametrize("block", [0x10, 0x17])
+def test_images_that_may_be_planes_of_a_volume_are_named(tmp_path, block):
+    creator, spacing = 0x200D0000 | block, 0x200D0003 | block << 8
+    private = {creator: ("LO", "Philips US Imaging DD 036"), spacing: ("LO", ["0.4", "0.4", "0.7"])}
+    maker = {"Manufacturer": "Philips Medical Systems"}
+    dicom_file(tmp_path / "a.dcm", images((2, 4, 6)), private=private, **maker)
+    (said,) = read_recording(tmp_path / "a.dcm").diagnostics
+    assert (said.code, said.severity) == ("private-volumes", "warning")
+    assert said.message.startswith("the images may be the planes of a volume")
+    others = {creator: ("LO", "Philips US Imaging DD 001"), spacing: ("LO", "another thing")}
+    dicom_file(tmp_path / "b.dcm", images((2, 4, 6)), private=others, **maker)
+    assert read_recording(tmp_path / "b.dcm").diagnostics == ()
+
+
 @pytest.mark.parametrize("whose", PRIVATE)
 def test_private_volumes_without_pictures_are_refused_by_name(tmp_path, whose):
     maker, private = PRIVATE[whose]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from contextlib import suppress
 from typing import Any
 
 from sonocal.errors import UnsupportedError
@@ -22,6 +23,7 @@ GE_3D, PHILIPS_3D = (
     re.compile(rb"\xe1\x7f\x02\x10.{4,8}[ -~]{0,32}3D", re.DOTALL),
     re.compile(rb"DATATYPE_DIN_3D"),
 )
+PHILIPS_GROUP, BLOCKS, PHILIPS_PLANES = 0x200D0000, range(0x10, 0x100), "Philips US Imaging DD 036"
 GLANCE = 1 << 16
 
 
@@ -55,6 +57,28 @@ def private_volumes(file: DicomFile) -> tuple[Diagnostic, ...]:
                 advice=advice,
             )
             return (said,)
+    return _planes_of_philips(file) if PHILIPS.search(maker) else ()
+
+
+def _planes_of_philips(file: DicomFile) -> tuple[Diagnostic, ...]:
+    """What is to be said where images are likely the planes of a volume: one open reader takes them for that."""
+    with suppress(
+        Exception
+    ):  # pydicom raises many kinds for damaged files, and the images are there all the same
+        data = _read(file, [PHILIPS_GROUP | block for block in BLOCKS], defer_size=256)
+        named = [
+            block for block in BLOCKS if str(data.get(PHILIPS_GROUP | block, "")).find(PHILIPS_PLANES) >= 0
+        ]
+        spacings = [PHILIPS_GROUP | block << 8 | 0x03 for block in named]
+        if any(_place(file, tag) is not None for tag in spacings):
+            said = Diagnostic(
+                code="private-volumes",
+                severity="warning",
+                message="the images may be the planes of a volume, whose spacing is in a private element of Philips; "
+                "they were read one after the other",
+                advice="compare two neighbouring images; if they are planes, export Cartesian DICOM or NRRD",
+            )
+            return (said,)
     return ()
 
 
@@ -66,19 +90,23 @@ def _glance(file: DicomFile, tag: int) -> bytes:
 
 def _place(file: DicomFile, tag: int) -> int | None:
     """Where the value of an element is, which may stand behind the pixels; None where it is absent or damaged."""
-    import pydicom
-
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with Clamped(file.path) as stream:
-                data: Any = pydicom.dcmread(stream, defer_size=1, specific_tags=[tag])
-            if tag not in data:
-                return None
-            element = data.get_item(tag, keep_deferred=True)
+        data = _read(file, [tag], defer_size=1)
+        if tag not in data:
+            return None
+        element = data.get_item(tag, keep_deferred=True)
     except (
         Exception
     ):  # pydicom raises many kinds for damaged files, and pictures are worth more than what is private
         return None
     place = getattr(element, "value_tell", None) or getattr(element, "file_tell", None)
     return None if place is None else int(place)
+
+
+def _read(file: DicomFile, tags: list[int], defer_size: int) -> Any:
+    """Some elements of a file as pydicom gives them; longer values are left where they are."""
+    import pydicom
+
+    with warnings.catch_warnings(), Clamped(file.path) as stream:
+        warnings.simplefilter("ignore")
+        return pydicom.dcmread(stream, defer_size=defer_size, specific_tags=tags)
