@@ -9,7 +9,20 @@ from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
-from sonocal.recording.formats import dicom, image, image_folder, kretz, metaio, motive, nrrd, pose_csv, video
+from sonocal.recording.formats import (
+    dicom,
+    image,
+    image_folder,
+    kretz,
+    metaio,
+    motive,
+    nrrd,
+    pose_csv,
+    rosbag,
+    slicer_scene,
+    tus_rec,
+    video,
+)
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
@@ -20,9 +33,12 @@ __all__ = ["FORMATS", "files_written", "read_recording", "write_recording"]
 FORMATS: tuple[Format, ...] = (
     metaio.FORMAT,
     nrrd.FORMAT,
+    slicer_scene.FORMAT,
     pose_csv.FORMAT,
     motive.FORMAT,
     video.FORMAT,
+    rosbag.FORMAT,
+    tus_rec.FORMAT,
     dicom.FORMAT,
     kretz.FORMAT,
     image.FORMAT,
@@ -38,8 +54,8 @@ def read_recording(
 ) -> Recording:
     """Read a recording of any format.
 
-    A video or folder of images is joined by time stamp with its tracker's poses: those of `poses`, or else
-    the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
+    A video or folder of images without poses is joined by time stamp with its tracker's: those of `poses`, or
+    else the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
 
     Args:
         path: the file, or the folder of images.
@@ -54,10 +70,10 @@ def read_recording(
     path = Path(path)
     found = _recognised(path)
     images: Recording = found.read(path)
-    tracker = Path(poses) if poses is not None else _poses_beside(path, found)
+    tracker = Path(poses) if poses is not None else None if images.poses else _poses_beside(path, found)
     if tracker is None:
         return with_latency(images, latency_s, on_invalid=on_invalid)
-    if tracker.is_dir():
+    if tracker.is_dir() and not rosbag.is_bag_folder(tracker):
         raise InputError(f"{tracker}: is a directory; name the table of poses in it")
     return join(images, _recognised(tracker).read(tracker), latency_s, on_invalid=on_invalid)
 

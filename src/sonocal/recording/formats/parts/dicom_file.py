@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 import warnings
 from dataclasses import dataclass
@@ -14,10 +13,11 @@ import numpy as np
 from sonocal.errors import FormatError
 from sonocal.files import file_size
 from sonocal.geometry import Array
+from sonocal.recording.formats.parts.bounded_file import BoundedFile
 from sonocal.recording.formats.parts.layout import COUNT_LIMIT
 from sonocal.recording.formats.parts.packages import needed
 
-__all__ = ["Clamped", "DicomFile", "Item"]
+__all__ = ["DicomFile", "Item"]
 
 # What is read of the header; other values are passed over, since private ones hold whole volumes.
 KEYS = (
@@ -53,19 +53,6 @@ KEYS = (
     *(0x30010010, 0x30011001, 0x30011002, 0x30011003),  # Philips' volumes
 )
 PIXEL_DATA = (0x7FE0, 0x0010)
-
-
-class Clamped(io.BufferedReader):
-    """A file that is never asked for more than it holds: damaged lengths would be allocated before the read."""
-
-    def __init__(self, path: Path) -> None:
-        self._size = file_size(path)
-        super().__init__(io.FileIO(path))
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """As of any file, but clamped."""
-        left = max(self._size - self.tell(), 0)
-        return super().read(left if size is None or size < 0 else min(size, left))
 
 
 @dataclass(frozen=True)
@@ -172,7 +159,7 @@ class DicomFile(Item):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                with Clamped(path) as file:
+                with BoundedFile(path) as file:
                     data = pydicom.dcmread(file, stop_before_pixels=True, specific_tags=list(KEYS))
                     return cls(path.name, data, path, *_pixels(file, *data.original_encoding))
         except Exception as error:  # pydicom raises many kinds for damaged files
@@ -206,7 +193,7 @@ class DicomFile(Item):
         return stated or (uid.ImplicitVRLittleEndian if implicit else plain)
 
 
-def _pixels(file: Clamped, implicit: bool, little: bool) -> tuple[int | None, str | None]:
+def _pixels(file: BoundedFile, implicit: bool, little: bool) -> tuple[int | None, str | None]:
     """Where the value of the pixel data starts, and its type: pydicom stops before the element."""
     place, head = file.tell(), file.read(8)
     if len(head) < 8 or struct.unpack("<HH" if little else ">HH", head[:4]) != PIXEL_DATA:

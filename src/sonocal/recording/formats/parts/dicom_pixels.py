@@ -11,7 +11,8 @@ import numpy as np
 
 from sonocal.errors import FormatError, UnsupportedError
 from sonocal.files import file_size
-from sonocal.recording.formats.parts.dicom_file import Clamped, DicomFile
+from sonocal.recording.formats.parts.bounded_file import BoundedFile
+from sonocal.recording.formats.parts.dicom_file import DicomFile
 from sonocal.recording.formats.parts.dicom_palette import palette_of
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size, frame_bytes
 
@@ -106,7 +107,7 @@ class _Pixels:
             warnings.simplefilter("ignore")
             options = as_pixel_options(file.data, number_of_frames=self._count, pixel_keyword="PixelData")
             options |= {} if file.pixels_vr is None else {"pixel_vr": file.pixels_vr}
-            with Clamped(file.path) as stream:
+            with BoundedFile(file.path) as stream:
                 stream.seek(file.pixels_at or 0)
                 image, _ = get_decoder(file.transfer_syntax).as_array(stream, index=place, **options)
         return np.asarray(image)

@@ -10,7 +10,8 @@ from typing import Any
 from sonocal.errors import UnsupportedError
 from sonocal.files import read_at
 from sonocal.findings import Diagnostic
-from sonocal.recording.formats.parts.dicom_file import Clamped, DicomFile
+from sonocal.recording.formats.parts.bounded_file import BoundedFile
+from sonocal.recording.formats.parts.dicom_file import DicomFile
 
 __all__ = ["kretz_at", "private_volumes"]
 
@@ -107,6 +108,6 @@ def _read(file: DicomFile, tags: list[int], defer_size: int) -> Any:
     """Some elements of a file as pydicom gives them; longer values are left where they are."""
     import pydicom
 
-    with warnings.catch_warnings(), Clamped(file.path) as stream:
+    with warnings.catch_warnings(), BoundedFile(file.path) as stream:
         warnings.simplefilter("ignore")
         return pydicom.dcmread(stream, defer_size=defer_size, specific_tags=tags)
