@@ -104,8 +104,6 @@ def _lost(recording: Recording, suffix: str) -> Iterator[str]:
         yield f"fields such as {', '.join(names)[:60]}"
     if suffix == ".mkv" and not recording.image_valid.all():
         yield f"which {int((~recording.image_valid).sum())} images are marked invalid"
-    if suffix == ".mkv" and any(poses.status is not None for poses in recording.poses.values()):
-        yield "how statuses are spelt, where a video is read with its table"
     if suffix == ".mkv" and recording.image is not None and recording.image.orientation not in ("", "XX"):
         yield "that the images lie as MF, u right and v down"
     if suffix == ".mkv" and recording.image is not None and recording.image.spacing_mm is not None:

@@ -60,7 +60,7 @@ def pose_table(recording: Recording) -> bytes:
             _cell(matrix) for matrix in poses.matrices.reshape(-1, 16).tolist()
         ]
         finite = np.isfinite(poses.matrices).all(axis=(1, 2))
-        if poses.status is not None or (finite & ~poses.valid).any():
+        if any(poses.status or ()) or (finite & ~poses.valid).any():
             columns[f"{poses.plus_name}TransformStatus"] = _statuses(poses)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
