@@ -107,6 +107,7 @@ READERS = {
     "poses": Reader(".csv", whole, contents("CSV of poses")),
     "motive": Reader(".csv", whole, contents("OptiTrack Motive CSV")),
     "dicom": Reader(".dcm", whole, contents("DICOM")),
+    "kretz": Reader(".vol", whole, contents("GE Kretz volume")),
     "pictures": Reader(".png", whole, contents("image")),
     "video": Reader(".mp4", whole, contents("video", ".mp4")),
     "plus-video": Reader(".mkv", whole, contents("video", "plus.mkv")),

@@ -15,7 +15,8 @@ from sonocal.observations import observations_csv
 from sonocal.recording.formats import write_recording
 from sonocal.simulation.scene import simulate_observations
 from tests.builders.bags import messages_for, small_sweep, write_bag
-from tests.builders.pictures import dicom_file, images
+from tests.builders.kretz import kretz_bytes, some_toroid
+from tests.builders.pictures import PHILIPS_CLASS, dicom_file, images, items, palette, plane, volume_file
 from tests.builders.recordings import random_pixels, random_poses, random_recording
 from tests.builders.scenes import image_sequence, transform_sequence, write_scene
 from tests.builders.tables import matrices_in, motive
@@ -66,8 +67,27 @@ def motive_tables(folder):
 
 
 def dicoms(folder):
-    dicom_file(folder / "a.dcm", images((3, 4, 5)), FrameTime="50")
-    return [folder / "a.dcm"]
+    ramp, planes = np.arange(256, dtype=np.uint8), [plane([0, 0, 0.5 * w]) for w in range(3)]
+    region = {
+        "PhysicalUnitsXDirection": 3,
+        "PhysicalUnitsYDirection": 3,
+        "PhysicalDeltaX": 0.02,
+        "PhysicalDeltaY": 0.03,
+    }
+    dicom_file(folder / "a.dcm", images((3, 4, 5)), FrameTime="50", SequenceOfUltrasoundRegions=items(region))
+    dicom_file(folder / "b.dcm", images((2, 4, 5)), **palette(ramp, ramp[::-1].copy(), ramp))
+    volume_file(folder / "c.dcm", planes, images((3, 4, 5)))
+    slices = {0x30011001: ("UL", 3), 0x30011003: ("FD", 0.1)}
+    dicom_file(
+        folder / "d.dcm", images((6, 4, 5)), private=slices, SOPClassUID=PHILIPS_CLASS, NumberOfFrames=2
+    )
+    return [folder / f"{name}.dcm" for name in "abcd"]
+
+
+def kretz_volumes(folder):
+    (folder / "a.vol").write_bytes(kretz_bytes(*some_toroid()))
+    (folder / "b.vol").write_bytes(kretz_bytes(some_toroid()[0]))
+    return [folder / "a.vol", folder / "b.vol"]
 
 
 def pictures(folder):
@@ -200,6 +220,7 @@ SOUND = {
     "Slicer scene": scenes,
     "TUS-REC scan": scans,
     "DICOM": dicoms,
+    "GE Kretz volume": kretz_volumes,
     "image": pictures,
     "folder of images or of DICOM files": folders,
     "table of sightings": files(a_csv=sightings(2), b_csv=sightings(3)),

@@ -6,6 +6,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +56,17 @@ def same_calibration(one, other):
     assert calibration_json(one) == calibration_json(other)
 
 
+def same_recordings(one, other):
+    """To the last bit; no status said of any pose is none."""
+    assert_same(*(replace(each, poses={n: said(p) for n, p in each.poses.items()}) for each in (one, other)))
+
+
+def said(poses):
+    return poses if any(poses.status or ()) else replace(poses, status=None)
+
+
 SAME = {
-    "recording": assert_same,
+    "recording": same_recordings,
     "targets": same_targets,
     "observations": same_table,
     "calibration": same_calibration,
@@ -143,7 +153,7 @@ def test_what_is_written_is_read_again(sound, name, suffix, tmp_path):
         value = one.read(path)
         first, second = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
         one.write(value, first)
-        again = one.read(first)
+        again = (read_recording if one.kind == "recording" else one.read)(first)  # with what lies beside it
         SAME[one.kind](value, again)
         assert format_of(first) is one
         one.write(again, second)

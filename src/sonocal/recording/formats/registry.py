@@ -13,6 +13,7 @@ from sonocal.recording.formats import (
     dicom,
     image,
     image_folder,
+    kretz,
     metaio,
     motive,
     nrrd,
@@ -26,7 +27,7 @@ from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
 
-__all__ = ["FORMATS", "read_recording", "write_recording"]
+__all__ = ["FORMATS", "files_written", "read_recording", "write_recording"]
 
 # In the order of the documentation. What no format claims by its content goes to the first that its name fits.
 FORMATS: tuple[Format, ...] = (
@@ -39,6 +40,7 @@ FORMATS: tuple[Format, ...] = (
     rosbag.FORMAT,
     tus_rec.FORMAT,
     dicom.FORMAT,
+    kretz.FORMAT,
     image.FORMAT,
     image_folder.FORMAT,
 )
@@ -77,7 +79,10 @@ def read_recording(
 
 
 def write_recording(recording: Recording, path: str | Path, compress: bool = True) -> None:
-    """Write a recording: ``.mha`` and ``.mhd`` as a PLUS sequence metafile, ``.nrrd`` as a PLUS NRRD sequence.
+    """Write a recording, in the format that its name says.
+
+    ``.mha`` and ``.mhd`` are a PLUS sequence metafile, ``.nrrd`` a PLUS NRRD sequence; ``.csv`` a table of the poses of
+    a tracker alone; ``.mkv`` a video without loss, with the table of poses beside it.
 
     Raises:
         UnsupportedError: the name ends otherwise.
@@ -91,6 +96,12 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     raise UnsupportedError(
         f"{path}: recordings are written as {', '.join(most)} or {last}; choose one of these names"
     )
+
+
+def files_written(path: Path) -> tuple[Path, ...]:
+    """The files that `write_recording` may write where it is told to write one."""
+    beside = {".mhd": (".zraw", ".raw"), ".mkv": (".csv",)}.get(path.suffix.lower(), ())
+    return (path, *(path.with_suffix(suffix) for suffix in beside))
 
 
 def _recognised(path: Path) -> Format:

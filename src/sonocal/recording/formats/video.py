@@ -17,6 +17,7 @@ from sonocal.files.kinds import Format, Head
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.packages import needed
 from sonocal.recording.formats.parts.pose_tracks import poses_in_tracks
+from sonocal.recording.formats.parts.video_write import write_video
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 from sonocal.recording.poses import Poses
@@ -164,6 +165,9 @@ FORMAT = Format(
     suffixes=(".mp4", ".mkv", ".avi", ".mov"),
     sniff=_sniff,
     read=read_video,
-    holds="poses in text tracks as PLUS writes them, or in the `.csv` of the same name beside it",
+    holds="poses in text tracks as PLUS writes them, or in the `.csv` of the same name beside it; written without loss "
+    "(FFV1)",
+    write=write_video,
+    writes=(".mkv",),
     needs=("av",),
 )
