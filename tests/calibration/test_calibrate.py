@@ -308,3 +308,10 @@ def test_stamps_that_are_no_time_are_taken_by_their_order(rows, stamps):
     time[-1] = last
     found = sc.calibrate(rows.with_sound(extra={"time_s": time.astype(str)}))
     assert np.isfinite(found.covariance).all()
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf, 1e12])
+def test_a_point_that_is_nowhere_in_an_image_is_named(odd):
+    found = sc.calibrate(simulate_observations(2, 30, seed=1).observations)
+    with pytest.raises(sc.InputError, match=r"^points_px must lie in an image; row 1 is at \("):
+        found.predict([[1, 2], [odd, 1], [odd, odd]])

@@ -87,11 +87,11 @@ def _content(
         return calibration_json(calibration)
     if form == "plus":
         from sonocal.export.plus import plus_xml, put_into_device_set
-        from sonocal.files import read_bytes
+        from sonocal.files.xml import read_xml
 
         if into is None:
             return plus_xml(calibration, *frames)
-        return put_into_device_set(calibration, read_bytes(into), into.name, *frames)
+        return put_into_device_set(calibration, read_xml(into), into.name, *frames)
     return _transform(calibration, form, output)
 
 

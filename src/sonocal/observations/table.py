@@ -31,6 +31,9 @@ COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "
 
 ALL_ROWS = slice(None)
 
+# Squares of such times are numbers still; those of clocks that count nanoseconds are far below.
+LATEST_S = 1e30
+
 _DEFAULT: Any = None  # filled in by the constructor
 
 
@@ -180,7 +183,7 @@ class Observations:
             stamps = self.extra["time_s"][rows].astype(float)
         except ValueError:
             return None
-        return stamps if np.all(np.isfinite(stamps)) else None
+        return stamps if np.all(np.abs(stamps) < LATEST_S) else None
 
     def where(self, row: int) -> str:
         """How messages name a row."""
@@ -261,6 +264,8 @@ def _column(what: str, values: ArrayLike, kind: type) -> NDArray[Any]:
         column: NDArray[Any] = given.astype(kind, casting="same_kind" if kind is np.int64 else "unsafe")
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what} must be {word}; {error}") from None
+    if kind is np.int64 and given.dtype.kind == "u" and np.any(column < 0):  # NumPy wraps those too large
+        raise InputError(f"{what} must be {word} below 2^63; got {given.max()}")
     if given.dtype.kind == "O" and (
         odd := [x for x in given.flat if not isinstance(x, (str, int, np.generic))]
     ):

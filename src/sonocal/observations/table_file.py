@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import read_bytes, write_atomically
+from sonocal.files import path_of, read_bytes, write_atomically
 from sonocal.files.tables import (
     csv_text,
     parse_table,
@@ -45,7 +45,7 @@ def read_observations(path: str | Path) -> Observations:
             names the file, line and column.
         FormatError: the file is not a CSV table.
     """
-    path = Path(path)
+    path = path_of(path)
     return parse_observations(read_bytes(path), path.name)
 
 

@@ -6,24 +6,21 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from sonocal.errors import FormatError, InputError
-from sonocal.files import read_text
+from sonocal.errors import InputError
+from sonocal.files import path_of
 from sonocal.files.kinds import Format
+from sonocal.files.xml import parse_xml, read_xml
 from sonocal.geometry import Array
 from sonocal.targets.lines import (
     Line,
     check_lines,
 )
 
-__all__ = ["FORMAT", "DeviceSet", "parse_xml", "read_device_set"]
-
-SIZE_LIMIT = 16 << 20
-DEEPEST = 100
+__all__ = ["FORMAT", "DeviceSet", "read_device_set"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +44,12 @@ def read_device_set(path: str | Path) -> DeviceSet:
     """Read a PLUS device set.
 
     Raises:
-        FormatError: the file is not XML, or holds entities or a document type, which device sets never
+        FormatError: the file is not XML in UTF-8, or holds entities or a document type, which device sets never
             need and attacks do.
         InputError: it is another XML document, or a matrix or wire in it is wrong.
     """
-    path = Path(path)
-    root = parse_xml(path.name, read_text(path, "a PLUS device set", SIZE_LIMIT))
+    path = path_of(path)
+    root = _root(path.name, read_xml(path))
     if root.tag != "PlusConfiguration":
         raise InputError(
             f"{path.name}: its root is <{str(root.tag)[:40]}> where a PLUS device set has <PlusConfiguration>"
@@ -63,28 +60,6 @@ def read_device_set(path: str | Path) -> DeviceSet:
     check_lines(path.name, wires)
     names = tuple(tuple(wire.name for wire in pattern) for pattern in patterns)
     return DeviceSet(path.name, dict(_transforms(path.name, root)), wires, names)
-
-
-def parse_xml(name: str, text: str) -> ET.Element:
-    """Parse XML that declares nothing: no document type, hence no entities and no bombs.
-
-    Raises:
-        FormatError: it declares something, or is not XML.
-    """
-    if re.match(r"\s*<(!doctype\s+)?html", text, re.IGNORECASE):
-        raise FormatError(f"{name}: is a web page (HTML) and not a device set; download the file itself")
-    if re.search(r"<!(?!--|\[CDATA\[)", text):
-        raise FormatError(
-            f"{name}: declares a document type or entities, which a device set never needs; delete them"
-        )
-    parser = ET.XMLParser(target=_Shallow(name))
-    try:
-        # As bytes, with the declaration dropped: the text was decoded already.
-        parser.feed(re.sub(r"^\s*<\?xml[^>]*\?>", "", text).encode())
-        root: ET.Element = parser.close()
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise FormatError(f"{name}: is not XML ({error})") from None
-    return root
 
 
 def _transforms(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], Array]]:
@@ -128,22 +103,24 @@ def _wires(name: str, pattern: ET.Element, phantom: str) -> Iterator[Line]:
         yield Line(label, phantom, np.array(ends))
 
 
-class _Shallow(ET.TreeBuilder):
-    """A tree no deeper than a device set: Python ends when it lets go of one a million deep."""
+class _Tree:
+    """The elements as a tree."""
 
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self._name, self._depth = name, 0
+    def __init__(self) -> None:
+        self.builder = ET.TreeBuilder()
 
-    def start(self, tag: str, attrs: dict[Any, Any], /) -> ET.Element:
-        self._depth += 1
-        if self._depth > DEEPEST:
-            raise FormatError(f"{self._name}: has elements more than {DEEPEST} deep, which no device set has")
-        return super().start(tag, attrs)
+    def opened(self, tag: str, attributes: dict[str, str], place: int) -> None:
+        self.builder.start(tag, attributes)
 
-    def end(self, tag: str, /) -> ET.Element:
-        self._depth -= 1
-        return super().end(tag)
+    def closed(self, tag: str, place: int) -> None:
+        self.builder.end(tag)
+
+
+def _root(name: str, content: bytes) -> ET.Element:
+    tree = _Tree()
+    parse_xml(name, content, tree)
+    root: ET.Element = tree.builder.close()
+    return root
 
 
 def _phantom_frame(root: ET.Element) -> str:

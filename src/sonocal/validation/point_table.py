@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import read_bytes
+from sonocal.files import path_of, read_bytes
 from sonocal.files.tables import (
     csv_text,
     parse_table,
@@ -133,7 +133,7 @@ def read_point_sightings(path: str | Path) -> PointSightings:
     Raises:
         InputError, FormatError: the sentence names the file, line and column.
     """
-    path = Path(path)
+    path = path_of(path)
     return parse_point_sightings(read_bytes(path), path.name)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
+from sonocal.files import path_of
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
 from sonocal.recording.formats import dicom, image, image_folder, metaio, motive, nrrd, pose_csv, video
 from sonocal.recording.model import Recording
@@ -50,10 +51,10 @@ def read_recording(
         InputError: it cannot be read; the sentence says what, where and the remedy.
         UnsupportedError: it is a kind of file that sonocal does not read.
     """
-    path = Path(path)
+    path = path_of(path)
     found = _recognised(path)
     images: Recording = found.read(path)
-    tracker = Path(poses) if poses is not None else _poses_beside(path, found)
+    tracker = path_of(poses) if poses is not None else _poses_beside(path, found)
     if tracker is None:
         return with_latency(images, latency_s, on_invalid=on_invalid)
     if tracker.is_dir():
@@ -67,7 +68,7 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     Raises:
         UnsupportedError: the name ends otherwise.
     """
-    path = Path(path)
+    path = path_of(path)
     for one in FORMATS:
         if one.write is not None and path.suffix.lower() in one.writes:
             one.write(recording, path, compress)
