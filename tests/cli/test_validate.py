@@ -80,7 +80,7 @@ def test_validate_prints_the_verdict_and_numbers_and_writes_the_report(folder):
         "What they are:",
     ):
         assert words in result.output
-    assert "Held-out rows" in (folder / "report.html").read_text()
+    assert "Held-out rows" in (folder / "validation.html").read_text()
 
 
 def test_json_has_every_number_with_its_interval(folder):

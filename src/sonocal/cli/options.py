@@ -109,7 +109,7 @@ SCANNER = click.option(
     "--scanner-mm-per-px", type=click.FloatRange(0, min_open=True), help="What the scanner says, to compare."
 )
 NO_REPORT = click.option(
-    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no report.html."
+    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no page (HTML)."
 )
 JSON = click.option(
     "--json", "as_json", is_flag=True, help="Print the result as JSON on stdout instead of tables."

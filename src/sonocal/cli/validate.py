@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 __all__ = ["validate"]
 
+PAGE = "validation.html"
+"""Beside the report that `calibrate` wrote, which is another run's."""
+
 
 class _NWire(click.ParamType[tuple[str, str, str]]):
     """LEFT,MIDDLE,RIGHT."""
@@ -50,7 +53,7 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
     "-o",
     "--output",
     type=FILE,
-    help="Folder for report.html.  [default: CALIBRATION's]",
+    help=f"Folder for {PAGE}.  [default: CALIBRATION's]",
 )
 @click.option("--split", metavar="NAME", help="Take the rows of this split as held out.")
 @click.option("--crosswire", is_flag=True, help="INPUT is a table of points.  [default: by its columns]")
@@ -102,7 +105,7 @@ def validate(
     found = calibration_in(calibration)
     folder = calibration.parent if output is None else output
     if report:
-        _reserve_report(folder, calibration, found)
+        _reserve_page(folder, calibration)
     other = None if compare is None else calibration_in(compare)
     require_kind(
         table,
@@ -122,7 +125,7 @@ def validate(
     if comparison is not None:
         found_too = comparison_findings(found, comparison)
         numbers = replace(numbers, diagnostics=(*numbers.diagnostics, *found_too))
-    files = report_files(found, rows, numbers, comparison) if report else {}
+    files = report_files(found, rows, numbers, comparison, name=PAGE) if report else {}
     write_into_folder(folder, files)
     if as_json:
         say_json(_record(found, numbers, comparison))
@@ -132,18 +135,14 @@ def validate(
         say(f"Wrote {folder / name}")
 
 
-def _reserve_report(folder: Path, path: Path, calibration: Calibration) -> None:
-    """A report takes the place of an earlier one of the same calibration, and stands beside no other calibration."""
-    from sonocal.files import read_bytes
-    from sonocal.report import is_report_of
-
-    beside, page = folder / path.name, folder / "report.html"
-    for other in {folder / "calibration.json", beside}:
+def _reserve_page(folder: Path, path: Path) -> None:
+    """A page stands beside no other calibration."""
+    for other in {folder / "calibration.json", folder / path.name}:
         if other.exists() and not other.samefile(path):
             raise InputError(
                 f"{folder}: holds another calibration, {other.name}; choose another folder with -o"
             )
-    reserve(page, replaced=page.is_file() and is_report_of(read_bytes(page), calibration))
+    reserve(folder / PAGE)
 
 
 def _numbers(

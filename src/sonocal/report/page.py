@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 import io
 import re
 from collections.abc import Callable, Sequence
@@ -24,7 +23,7 @@ from sonocal.report.style import DETECTED, RC, TRACKED
 from sonocal.validation import CANNOT_SHOW, Comparison, Validation, cannot_show, give_verdict
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
-__all__ = ["is_report_of", "report_html"]
+__all__ = ["report_html"]
 
 
 def report_html(
@@ -64,7 +63,6 @@ def report_html(
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
     page = template.render(
         title=title,
-        identity=_identity(calibration),
         verdict=give_verdict(calibration, validation),
         cal=calibration,
         validation=validation,
@@ -88,17 +86,6 @@ def report_html(
 def _typeset(sentence: str) -> str:
     """A sentence of the terminal's letters in those of a page."""
     return sentence.replace("+-", "\N{PLUS-MINUS SIGN}")
-
-
-def is_report_of(content: bytes, calibration: Calibration) -> bool:
-    """Whether the content of a file is a report of a calibration."""
-    return f'<meta name="calibration" content="{_identity(calibration)}">'.encode() in content
-
-
-def _identity(calibration: Calibration) -> str:
-    """What two calibrations differ by: the transform, and the table that it rests on."""
-    rests_on = str(calibration.provenance.get("sha256", "")).encode()
-    return hashlib.sha256(calibration.probe_from_image.matrix.tobytes() + rests_on).hexdigest()
 
 
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:
