@@ -18,6 +18,7 @@ from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sig
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import path_of, read_bytes, write_atomically
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import FURTHEST, Array, AxisScaled, Similarity, area_places, frozen, real_array
 from sonocal.registration.noise import Noise
@@ -245,6 +246,7 @@ def load_calibration(path: str | Path) -> Calibration:
         UnsupportedError: a later sonocal wrote it in a form that this one does not know.
     """
     path = path_of(path)
+    refuse_other_kind(path, "calibration")
     return parse_calibration(read_bytes(path), path.name)
 
 

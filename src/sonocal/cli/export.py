@@ -63,8 +63,8 @@ def export(
 
     if form != "plus" and into is not None:
         raise click.UsageError("--into is for --to plus")
-    reserve(output)
     loaded = calibration_in(calibration)
+    reserve(output)
     verdict = give_verdict(loaded)
     if verdict.level == "stop" and not force:
         raise InputError(

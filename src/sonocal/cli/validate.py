@@ -104,14 +104,14 @@ def validate(
 
     found = calibration_in(calibration)
     folder = calibration.parent if output is None else output
-    if report:
-        _reserve_page(folder, calibration)
     other = None if compare is None else calibration_in(compare)
     require_kind(
         table,
         ("observations", "known points"),
         "give a table of sightings, or of points whose place is known (CSV)",
     )
+    if report:
+        _reserve_page(folder, calibration)
     content = read_bytes(table)
     known = {
         "scanner_mm_per_px": scanner_mm_per_px,

@@ -9,6 +9,7 @@ import numpy as np
 from sonocal.detection.detections import Detections
 from sonocal.errors import InputError
 from sonocal.files import path_of, read_text
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import parse_table
 
 __all__ = ["read_detections"]
@@ -22,6 +23,7 @@ def read_detections(path: str | Path) -> Detections:
         FormatError: the file is not CSV.
     """
     path = path_of(path)
+    refuse_other_kind(path, "points", "known points")
     table = parse_table(path.name, read_text(path, "a table of points"))
     table.need_rows("write one row a point")
     if missing := [column for column in ("frame", "u_px", "v_px") if column not in table.columns]:

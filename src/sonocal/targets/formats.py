@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sonocal.errors import InputError
 from sonocal.files import path_of
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.kinds import Format, Head, recognise
 from sonocal.geometry import Array
 from sonocal.targets import device_set, toml_file
@@ -27,6 +28,7 @@ def read_lines(path: str | Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, s
         InputError: the file holds no line.
     """
     path = path_of(path)
+    refuse_other_kind(path, "targets", "device set")
     if recognise(Head.of(path), FORMATS) is not device_set.FORMAT:
         return toml_file.read_lines_toml(path), {}
     devices = device_set.read_device_set(path)

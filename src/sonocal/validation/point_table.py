@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
 from sonocal.files import path_of, read_bytes
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import (
     csv_text,
     parse_table,
@@ -134,6 +135,7 @@ def read_point_sightings(path: str | Path) -> PointSightings:
         InputError, FormatError: the sentence names the file, line and column.
     """
     path = path_of(path)
+    refuse_other_kind(path, "known points", "points")
     return parse_point_sightings(read_bytes(path), path.name)
 
 

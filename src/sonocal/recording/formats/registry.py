@@ -9,6 +9,7 @@ from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files import path_of
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
 from sonocal.recording.formats import dicom, image, image_folder, metaio, motive, nrrd, pose_csv, video
 from sonocal.recording.model import Recording
@@ -84,10 +85,8 @@ def _recognised(path: Path) -> Format:
     if not path.is_dir() and not head.content.strip():
         raise InputError(f"{path.name}: is empty; record it again")
     found = recognise(head, FORMATS)
-    if found is None and head.text.startswith(b"<"):
-        raise UnsupportedError(
-            f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines"
-        )
+    if found is None or not found.sniff(head):  # else it is one, whatever else it might pass for
+        refuse_other_kind(path, "recording")
     if found is None:
         raise UnsupportedError(
             f"{path.name}: is {head.looks_like} and not a recording that sonocal reads; it reads "
