@@ -260,3 +260,9 @@ def test_numbers_of_frames_do_not_wrap():
     frames = np.arange(len(rows), dtype=np.uint64) + np.uint64(2**63 - 3)
     with pytest.raises(sc.InputError, match=r"frame must be whole numbers below 2\^63"):
         Observations(rows.points_px, rows.segments_mm, frame=frames)
+
+
+def test_a_table_without_splits_says_that_it_has_none():
+    rows = simulate_observations(2, 30, seed=1).observations
+    with pytest.raises(InputError, match="no row has split 'x'; it has no column split: add one that says"):
+        rows.select_split("x")

@@ -78,7 +78,7 @@ def validate(
     *,
     output: Path | None,
     compare: Path | None,
-    scanner_mm_per_px: float | None,
+    scanner_mm_per_px: float | tuple[float, float] | None,
     marker_above_image: bool,
     expected: Path | None,
     report: bool,

@@ -170,6 +170,11 @@ class Observations:
             InputError: no row has that split; the sentence names those there are.
         """
         rows = self.split == name
+        if not rows.any() and np.all(self.split == ""):
+            raise InputError(
+                f"{self.source}: no row has split {name!r}; it has no column split: add one that says which part of "
+                "the data a row belongs to"
+            )
         if not rows.any():
             have = ", ".join(repr(str(s)) for s in np.unique(self.split)) or "none"
             raise InputError(f"{self.source}: no row has split {name!r}; the splits in it are {have}")
