@@ -6,6 +6,7 @@ import datetime
 import io
 import re
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from importlib.resources import files
 from typing import Any
 
@@ -63,6 +64,7 @@ def report_html(
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
     page = template.render(
         title=title,
+        source=_source(calibration),
         verdict=give_verdict(calibration, validation),
         cal=calibration,
         validation=validation,
@@ -191,6 +193,12 @@ def _weak_in_words(calibration: Calibration) -> str:
     return describe_motion(motion, calibration.noise.freedom)
 
 
+def _source(calibration: Calibration) -> str:
+    """What was given: a recording, or else the table."""
+    kept = calibration.provenance
+    return str(kept.get("recorded", {}).get("recording", {}).get("input", "") or kept.get("input", ""))
+
+
 def _provenance(calibration: Calibration, validation: Validation | None) -> list[tuple[str, str]]:
     kept = calibration.provenance
     rows = [("fitted to", str(kept.get("input", ""))), ("its SHA-256", str(kept.get("sha256", "")))]
@@ -204,4 +212,5 @@ def _provenance(calibration: Calibration, validation: Validation | None) -> list
     rows += [(f"version of {name}", str(value)) for name, value in kept.get("versions", {}).items()]
     if validation is not None and validation.source and validation.sha256 != kept.get("sha256"):
         rows += [("validated with", validation.source), ("its SHA-256", validation.sha256)]
+    rows.append(("page written by", f"sonocal {version('sonocal')}"))
     return [(name, value) for name, value in rows if value]
