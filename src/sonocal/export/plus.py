@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 from sonocal.calibration import Calibration
 from sonocal.errors import InputError
-from sonocal.files.xml import BOM, parse_xml
+from sonocal.files.xml import BOM, tell_elements
 from sonocal.validation import give_verdict
 
 __all__ = ["plus_xml", "put_into_device_set"]
@@ -137,7 +137,7 @@ class _Found:
 
 def _look(content: bytes, name: str) -> _Found:
     found = _Found()
-    parse_xml(name, content, found)
+    tell_elements(name, content, found)
     return found
 
 

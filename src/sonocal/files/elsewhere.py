@@ -70,7 +70,7 @@ def _plain_kind(head: Head) -> Kind | None:
         "points": is_points(head),
         "targets": head.suffix == ".toml" and head.text.startswith((b"[", b"#")),
         "calibration": head.text.startswith(b"{"),
-        "device set": head.text.startswith(b"<") and not head.is_page,
+        "device set": b"<PlusConfiguration" in head.text,
         "recording": head.text.startswith((b"NRRD0", b"ObjectType", b"NDims")),
     }
     return next((kind for kind, shown in signs.items() if shown), None)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from typing import Protocol
+from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from sonocal.errors import FormatError, InputError
 from sonocal.files.disk import file_size, read_at
 
-__all__ = ["BOM", "DEEPEST", "Elements", "parse_xml", "read_xml"]
+__all__ = ["BOM", "DEEPEST", "Elements", "parse_xml", "read_xml", "tell_elements"]
 
 SIZE_LIMIT = 16 << 20
 DEEPEST = 100
@@ -43,28 +44,37 @@ def read_xml(path: Path) -> bytes:
     return read_at(path, 0, size)
 
 
-def parse_xml(name: str, content: bytes, elements: Elements) -> None:
+def parse_xml(name: str, content: bytes, what: str = "device set") -> ET.Element:
+    """The tree of an XML document; as `tell_elements`."""
+    tree = _Tree()
+    tell_elements(name, content, tree, what)
+    root: ET.Element = tree.builder.close()
+    return root
+
+
+def tell_elements(name: str, content: bytes, elements: Elements, what: str = "device set") -> None:
     """Tell of the elements of an XML document that declares nothing: no document type, hence no entities and no bombs.
 
     Args:
         name: what messages call it.
         content: the document; a byte order mark before it does not count in places.
         elements: is told.
+        what: it should be, for messages.
 
     Raises:
-        FormatError: it is not XML in UTF-8, declares a document type, or is deeper than any device set.
+        FormatError: it is not XML in UTF-8, declares a document type, or is deeper than documents are.
     """
     body = content.removeprefix(BOM)
-    _refuse_encoding(name, body)
+    _refuse_encoding(name, body, what)
     if re.match(rb"\s*<(!doctype\s+)?html", body, re.IGNORECASE):
-        raise FormatError(f"{name}: is a web page (HTML) and not a device set; download the file itself")
+        raise FormatError(f"{name}: is a web page (HTML) and not a {what}; download the file itself")
     parser, depth = expat.ParserCreate("utf-8"), 0
 
     def opened(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
         if depth > DEEPEST:
-            raise FormatError(f"{name}: has elements more than {DEEPEST} deep, which no device set has")
+            raise FormatError(f"{name}: has elements more than {DEEPEST} deep, which no {what} has")
         elements.opened(tag, attributes, parser.CurrentByteIndex)
 
     def closed(tag: str) -> None:
@@ -74,7 +84,7 @@ def parse_xml(name: str, content: bytes, elements: Elements) -> None:
 
     def declared(*_: object) -> None:
         raise FormatError(
-            f"{name}: declares a document type or entities, which a device set never needs; delete them"
+            f"{name}: declares a document type or entities, which a {what} never needs; delete them"
         )
 
     parser.StartElementHandler, parser.EndElementHandler = opened, closed
@@ -85,15 +95,28 @@ def parse_xml(name: str, content: bytes, elements: Elements) -> None:
         raise FormatError(f"{name}: is not XML ({error})") from None
 
 
-def _refuse_encoding(name: str, body: bytes) -> None:
+def _refuse_encoding(name: str, body: bytes, what: str) -> None:
     try:
         body.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise FormatError(f"{name}: byte {error.start} is not UTF-8; save the device set as UTF-8") from None
+        raise FormatError(f"{name}: byte {error.start} is not UTF-8; save the {what} as UTF-8") from None
     said = re.match(rb"<\?xml[^>]*\sencoding\s*=\s*[\"']([^\"']*)[\"']", body)
     encoding = said[1].decode().lower() if said else "utf-8"
     if encoding not in AS_UTF8 and not (encoding in ASCII_IN_THEM and body.isascii()):
         raise FormatError(
-            f"{name}: says that its encoding is {encoding[:40]!r}; save the device set as UTF-8 and say so in "
+            f"{name}: says that its encoding is {encoding[:40]!r}; save the {what} as UTF-8 and say so in "
             "its first line"
         )
+
+
+class _Tree:
+    """The elements as a tree."""
+
+    def __init__(self) -> None:
+        self.builder = ET.TreeBuilder()
+
+    def opened(self, tag: str, attributes: dict[str, str], place: int) -> None:
+        self.builder.start(tag, attributes)
+
+    def closed(self, tag: str, place: int) -> None:
+        self.builder.end(tag)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -30,7 +30,7 @@ class DeviceSet:
     Attributes:
         name: of the file.
         transforms: ``(target, source) -> (4, 4)``, such as ``("Reference", "Phantom")``.
-        wires: of the phantom, in its own frame.
+        wires: of the phantom, in its own frame; one that several patterns share stands once.
         patterns: names of the wires of each N: left, middle, right.
     """
 
@@ -49,15 +49,16 @@ def read_device_set(path: str | Path) -> DeviceSet:
         InputError: it is another XML document, or a matrix or wire in it is wrong.
     """
     path = path_of(path)
-    root = _root(path.name, read_xml(path))
+    root = parse_xml(path.name, read_xml(path))
     if root.tag != "PlusConfiguration":
         raise InputError(
             f"{path.name}: its root is <{str(root.tag)[:40]}> where a PLUS device set has <PlusConfiguration>"
         )
     phantom = _phantom_frame(root)
     patterns = [list(_wires(path.name, element, phantom)) for element in _patterns(root)]
-    wires = tuple(wire for pattern in patterns for wire in pattern)
-    check_lines(path.name, wires)
+    wires = tuple(_each_once(wire for pattern in patterns for wire in pattern))
+    for lines in (*patterns, wires):
+        check_lines(path.name, lines)
     names = tuple(tuple(wire.name for wire in pattern) for pattern in patterns)
     return DeviceSet(path.name, dict(_transforms(path.name, root)), wires, names)
 
@@ -103,24 +104,14 @@ def _wires(name: str, pattern: ET.Element, phantom: str) -> Iterator[Line]:
         yield Line(label, phantom, np.array(ends))
 
 
-class _Tree:
-    """The elements as a tree."""
-
-    def __init__(self) -> None:
-        self.builder = ET.TreeBuilder()
-
-    def opened(self, tag: str, attributes: dict[str, str], place: int) -> None:
-        self.builder.start(tag, attributes)
-
-    def closed(self, tag: str, place: int) -> None:
-        self.builder.end(tag)
-
-
-def _root(name: str, content: bytes) -> ET.Element:
-    tree = _Tree()
-    parse_xml(name, content, tree)
-    root: ET.Element = tree.builder.close()
-    return root
+def _each_once(wires: Iterable[Line]) -> Iterator[Line]:
+    """The wires without those that came before: patterns may share a wire, whichever way round its ends are."""
+    seen: dict[str, Array] = {}
+    for wire in wires:
+        ends = seen.setdefault(wire.name, wire.segment_mm)
+        same = np.array_equal(wire.segment_mm, ends) or np.array_equal(wire.segment_mm[::-1], ends)
+        if ends is wire.segment_mm or not same:
+            yield wire
 
 
 def _phantom_frame(root: ET.Element) -> str:
@@ -142,7 +133,7 @@ FORMAT = Format(
     name="PLUS device set",
     kind="device set",
     suffixes=(".xml",),
-    sniff=lambda head: head.text.startswith(b"<"),
+    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text,
     read=read_device_set,
-    holds="constant transforms, wires of a phantom",
+    holds="constant transforms, wires of a phantom; a wire that patterns share is one",
 )
