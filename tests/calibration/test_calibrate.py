@@ -11,6 +11,8 @@ from sonocal.calibration import (
     calibration_json,
     parse_calibration,
 )
+from sonocal.calibration.diagnostics import diagnose_noise
+from sonocal.registration.noise import Drift, Noise
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import give_verdict
 from tests.builders.similarities import random_similarity
@@ -74,7 +76,11 @@ OPTION_REFUSALS = [
         {"fit_split": "a", "test_split": "a"},
         "fit_split and test_split are both 'a'; held-out rows must not be fitted",
     ),
-    ({"fit_split": "a"}, "simulation (seed 1): no row has split 'a'; the splits in it are ''"),
+    (
+        {"fit_split": "a"},
+        "simulation (seed 1): no row has split 'a'; it has no column split: add one that says which part of the data "
+        "a row belongs to",
+    ),
     (
         {"image_size_px": (640, 480, 3)},
         "image_size_px must be 2 positive numbers for a 2D probe; got (640, 480, 3)",
@@ -308,3 +314,30 @@ def test_stamps_that_are_no_time_are_taken_by_their_order(rows, stamps):
     time[-1] = last
     found = sc.calibrate(rows.with_sound(extra={"time_s": time.astype(str)}))
     assert np.isfinite(found.covariance).all()
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf, 1e12])
+def test_a_point_that_is_nowhere_in_an_image_is_named(odd):
+    found = sc.calibrate(simulate_observations(2, 30, seed=1).observations)
+    with pytest.raises(sc.InputError, match=r"^points_px must lie in an image; row 1 is at \("):
+        found.predict([[1, 2], [odd, 1], [odd, odd]])
+
+
+@pytest.mark.parametrize(
+    ("stretches", "words"),
+    [
+        (0.6, "one independent stretch was"),
+        (1.4, "one independent stretch was"),
+        (3.2, "3 independent stretches were"),
+    ],
+)
+def test_how_many_stretches_were_seen_is_said_in_english(stretches, words):
+    noise = Noise(
+        row_mm=1.0,
+        covariance=np.eye(7),
+        freedom=9,
+        shared_mm={"stretch": 2.0},
+        drift=Drift(9.0, stretches, 30.0),
+    )
+    (found,) = diagnose_noise(noise)
+    assert f"; only about {words} seen, so that the predicted error is a guess" in found.message

@@ -153,7 +153,7 @@ def test_every_command_takes_a_file_of_version_1_with_auto(tmp_path):
     calibration.write_bytes(OLD.read_bytes())
     table.write_bytes(TABLE.read_bytes())
     assert "Leave one frame out" in run("validate", calibration, table)
-    assert "Residuals by frame" in (tmp_path / "report.html").read_text()
+    assert "Residuals by frame" in (tmp_path / "validation.html").read_text()
     assert "probe_from_image" in run("info", calibration)
     for form, name in (("plus", "a.xml"), ("itk", "a.tfm"), ("slicer", "b.tfm"), ("json", "again.json")):
         assert f"Wrote {tmp_path / name}" in run("export", calibration, "--to", form, "-o", tmp_path / name)

@@ -105,6 +105,10 @@ def test_a_misspelt_option_is_refused_before_the_table_is_looked_at():
         ({"expected_rotation": np.eye(4)}, "expected_rotation must be the directions of u, v and normal"),
         ({"expected_rotation": np.full((3, 3), np.nan)}, "expected_rotation must be the directions"),
         ({"expected_rotation": "up"}, "expected_rotation must be the directions"),
+        ({"expected_rotation": 10**400}, "expected_rotation must be the directions"),
+        ({"expected_rotation": np.diag([1, 1, -1])}, "expected_rotation must be a rotation; got left-handed"),
+        ({"threshold_mm": "5"}, "threshold_mm must be a positive number; got the text '5'"),
+        ({"max_samples": "5"}, "got the text '5'"),
     ],
 )
 def test_every_other_refusal_says_what_arrived_and_what_is_wanted(options, words):

@@ -119,13 +119,12 @@ def test_the_matrix_is_put_into_a_device_set(calibrated, tmp_path):
         "--into",
         devices,
         "-o",
-        devices,
+        tmp_path / "new.xml",
         "--probe",
         "L14",
-        "--overwrite",
     )
     assert done.exit_code == 0, done.output
-    text = devices.read_text()
+    text = (tmp_path / "new.xml").read_text()
     assert text.startswith("<PlusConfiguration>\n  <CoordinateDefinitions>\n    <!-- ImageToL14 maps pixels")
     assert text.endswith("\n  </CoordinateDefinitions>\n  <fCal />\n</PlusConfiguration>\n")
     assert run("export", calibrated, "--to", "itk", "--into", devices, "-o", "a.tfm").exit_code == 2

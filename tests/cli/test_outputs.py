@@ -30,6 +30,16 @@ ONTO_INPUT = {
     "detect": ["detect", "sweep.igs.mha", "--lines", "needle.toml", "-o", "sweep.igs.mha"],
     "detect, the sheet": ["detect", "sweep.igs.mha", "--lines", "needle.toml", "--sheet", "./needle.toml"],
     "export": ["export", "calibration.json", "--to", "json", "-o", "link.json"],
+    "export into": [
+        "export",
+        "calibration.json",
+        "--to",
+        "plus",
+        "--into",
+        "needle.toml",
+        "-o",
+        "needle.toml",
+    ],
     "tool": ["tool", "sweep.igs.mha", "-o", "sweep.igs.mha"],
     "convert": ["convert", "sweep.igs.mha", "-o", "./sweep.igs.mha"],
     "calibrate": ["calibrate", "observations.csv", "--lines", "needle.toml", "-o", "."],
@@ -89,16 +99,6 @@ def test_no_command_writes_onto_what_it_reads(here, command, told):
     assert contents(here) == before
 
 
-def test_a_device_set_is_changed_in_place_only_when_told(here):
-    devices = here / "devices.xml"
-    devices.write_text("<PlusConfiguration>\n  <CoordinateDefinitions/>\n</PlusConfiguration>\n")
-    command = ("export", "calibration.json", "--to", "plus", "--into", devices, "-o", devices)
-    assert run(*command).exit_code == 1
-    assert "ImageToProbe" not in devices.read_text()
-    assert run(*command, "--overwrite").exit_code == 0
-    assert "ImageToProbe" in devices.read_text()
-
-
 def test_a_page_of_an_earlier_run_stands_beside_no_other_calibration(here):
     assert run(*COMMANDS["calibrate"]).exit_code == 0
     assert (here / "out" / "report.html").exists()
@@ -122,16 +122,23 @@ def test_what_somebody_else_made_stays(here):
     assert {name: (here / "out" / name).read_bytes() for name in theirs} == theirs
 
 
-def test_a_validation_replaces_its_own_calibrations_report_and_no_other(here):
+def test_a_validation_stands_beside_its_own_calibration_and_no_other(here):
     assert run(*COMMANDS["calibrate"]).exit_code == 0
+    page = here / "out" / "report.html"
+    before = page.read_bytes()
     assert run("validate", "out/calibration.json", "table.csv").exit_code == 0
+    assert page.read_bytes() == before
+    again = run("validate", "out/calibration.json", "table.csv")
+    assert (again.exit_code, "validation.html: is there already" in again.output) == (1, True)
+    assert run("validate", "out/calibration.json", "table.csv", "--overwrite").exit_code == 0
     (here / "other").mkdir()
     sc.calibrate(simulate_observations(2, 30, seed=2).observations).save(here / "other" / "calibration.json")
     beside = run("validate", "out/calibration.json", "table.csv", "-o", "other", "--overwrite")
     assert (beside.exit_code, "holds another calibration" in beside.output) == (1, True)
-    shutil.copy(here / "out" / "report.html", here / "other" / "report.html")
-    foreign = run("validate", "other/calibration.json", "table.csv")
-    assert (foreign.exit_code, "is there already" in foreign.output) == (1, True)
+    stale = run(*COMMANDS["calibrate"])
+    assert "is there already" in stale.output
+    assert run(*COMMANDS["calibrate"], "--overwrite").exit_code == 0
+    assert not (here / "out" / "validation.html").exists()
 
 
 def test_what_is_not_to_be_used_is_exported_only_by_force(here):

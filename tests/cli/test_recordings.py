@@ -437,8 +437,8 @@ def test_a_mask_says_where_to_look(swept, tmp_path):
         (
             ["needle.toml"],
             1,
-            "needle.toml: is a file of needles, wires or points; give a table of sightings (CSV), or a recording with "
-            "--lines",
+            "needle.toml: is a file of needles, wires or points; give it with --lines "
+            "(in Python: targets.read_lines)",
         ),
         (
             ["observations.csv", "--probe", "P"],

@@ -80,7 +80,7 @@ def test_validate_prints_the_verdict_and_numbers_and_writes_the_report(folder):
         "What they are:",
     ):
         assert words in result.output
-    assert "Held-out rows" in (folder / "report.html").read_text()
+    assert "Held-out rows" in (folder / "validation.html").read_text()
 
 
 def test_json_has_every_number_with_its_interval(folder):
@@ -155,3 +155,43 @@ def test_failures_and_wrong_usage_have_their_own_status(arguments, status, words
     result = run(*arguments)
     assert result.exit_code == status
     assert words in result.stderr
+
+
+def test_two_numbers_of_the_scanner_are_one_along_each_axis(folder):
+    command = (
+        "calibrate",
+        folder / "needle.csv",
+        "-o",
+        folder / "c",
+        "--no-report",
+        "--model",
+        "anisotropic",
+    )
+    assert run(*command, "--scanner-mm-per-px", "0.24,0.25").exit_code == 0
+    assert sc.load(folder / "c" / "calibration.json").options.scanner_mm_per_px == (0.24, 0.25)
+    for odd in ("0.24,", "0", "0.1,0.2,0.3", "-1", "nan"):
+        done = run(*command, "--overwrite", f"--scanner-mm-per-px={odd}")
+        assert (done.exit_code, "such as 0.24, or two such as 0.24,0.25" in done.output) == (2, True)
+
+
+def test_a_refused_argument_goes_by_the_name_of_its_option(folder):
+    for option, sentence in {
+        "--sigma-mm=-1": "--sigma-mm must be a positive number; got -1.0",
+        "--tolerance-mm=0": "--tolerance-mm must be a positive number; got 0.0",
+        "--test-split=fit": "--fit-split and --test-split are both 'fit'; held-out rows must not be fitted",
+    }.items():
+        done = run("calibrate", folder / "needle.csv", "-o", folder / "c", "--fit-split", "fit", option)
+        assert done.output == f"Error: {sentence}\n"
+
+
+def test_validate_prints_warnings_before_its_tables(folder):
+    cal = sc.load(folder / "calibration.json")
+    pixels = np.random.default_rng(0).uniform(0, 500, (12, 2))
+    table = np.column_stack([pixels, cal.probe_from_image @ pixels + [0.0, 3.0, 4.0]])
+    np.savetxt(folder / "wire.csv", table, delimiter=",", header="u_px,v_px,x_mm,y_mm,z_mm", comments="")
+    said = run("validate", folder / "calibration.json", folder / "wire.csv", "--no-report").output
+    assert (
+        said.index("warning points-")
+        < said.index("What was measured contradicts")
+        < said.index("PRA, cross-wire  ")
+    )

@@ -41,6 +41,7 @@ COMMANDS = {
     "existing": ("validate", "plus.xml", "table.csv", "--compare", "ImageToProbe.tfm"),
     "difference": ("validate", "calibration.json", "table.csv", "--no-report", "--compare", "plus.xml"),
     "tool": ("tool", "pivot.igs.mha", "--spin", "spin.igs.mha", "--tool", "Needle"),
+    "studies": ("study",),
     "study": ("study", "needles", "--trials", "3", "--no-figure", "-o", "study"),
 }
 
@@ -88,8 +89,7 @@ def test_every_number_of_a_wide_terminal_is_on_a_narrow_one(files, monkeypatch, 
         assert "…" not in narrow.output
 
 
-# A study's answers are sentences of one line each.
-@pytest.mark.parametrize("command", sorted(COMMANDS.keys() - {"study"}))
+@pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_lines_fit_a_narrow_terminal_but_those_to_copy(files, monkeypatch, command):
     monkeypatch.chdir(files)
     for line in run(*COMMANDS[command], width=40).stdout.splitlines():

@@ -1,6 +1,7 @@
 """Every command, given a file of every kind that it does not take: one sentence that says what the file is."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -72,3 +73,60 @@ def test_a_file_of_another_kind_is_called_what_it_is(folder, command, wrong, mon
     assert wrong in done.output
     assert WRONG[wrong] in done.output or (wrong == "empty.txt" and "truncated" in done.output)
     assert sorted(path.name for path in Path().iterdir()) == there
+
+
+SWAPPED = {
+    (
+        "calibrate",
+        "needle.toml",
+        "--lines",
+        "picture.png",
+    ): "needle.toml: is a file of needles, wires or points; give it",
+    (
+        "calibrate",
+        "calibration.json",
+    ): "calibration.json: is a JSON file; a calibration is read by sonocal.load",
+    ("calibrate", "picture.png"): "picture.png: is a recording; say with --lines which needle",
+    (
+        "calibrate",
+        "picture.png",
+        "--lines",
+        "table.csv",
+    ): "table.csv: is a table of sightings; give it to sonocal",
+    (
+        "tool",
+        "table.csv",
+        "-o",
+        "needle.toml",
+    ): "table.csv: is a table of sightings; give it to sonocal calibrate alone",
+    (
+        "detect",
+        "table.csv",
+        "--lines",
+        "needle.toml",
+    ): "table.csv: is a table of sightings; give it to sonocal",
+    (
+        "export",
+        "table.csv",
+        "--to",
+        "itk",
+        "-o",
+        "a.tfm",
+    ): "table.csv: is a table of sightings; name the calibration",
+    ("calibrate", "renamed.csv", "-o", "new"): "renamed.csv, line 2: lacks the column x0_mm",
+}
+
+
+@pytest.mark.parametrize("command", SWAPPED, ids=" ".join)
+def test_what_is_wrong_with_the_input_is_said_before_where_results_would_go(
+    folder, command, monkeypatch, tmp_path
+):
+    shutil.copytree(folder, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    Path("renamed.csv").write_text(Path("table.csv").read_text().replace("x0_mm", "x0"))
+    shutil.copytree(folder, "calibration")
+    for name in ("a.tfm", "candidates.csv"):
+        Path(name).write_text("mine")
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 1
+    assert done.output.startswith(f"Error: {SWAPPED[command]}")

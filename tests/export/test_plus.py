@@ -178,9 +178,34 @@ def test_frames_may_have_other_names(tmp_path):
         ),
         (DEVICES.encode("latin-1"), "a.xml: byte 46 is not UTF-8; save the device set as UTF-8"),
         (DEVICES.encode("utf-16"), "a.xml: byte 0 is not UTF-8; save the device set as UTF-8"),
+        (
+            DEVICES.replace("UTF-8", "klingon").encode(),
+            "a.xml: says that its encoding is 'klingon'; save the device set as UTF-8 and say so in its first line",
+        ),
+        (
+            DEVICES.replace("UTF-8", "iso-8859-1").encode(),
+            "a.xml: says that its encoding is 'iso-8859-1'; save the device set as UTF-8 and say so in its first line",
+        ),
+        (
+            b"<a>" * 200_000 + b"</a>" * 200_000,
+            "a.xml: has elements more than 100 deep, which no device set has",
+        ),
     ],
 )
-def test_what_is_no_device_set_is_refused(content, sentence):
+def test_what_is_no_device_set_is_refused(content, sentence, tmp_path):
     with pytest.raises(sc.InputError) as caught:
         put_into_device_set(calibration(), content, "a.xml")
     assert str(caught.value) == sentence
+    if not isinstance(caught.value, sc.FormatError):
+        return  # what it says of the transform is no matter of who only reads
+    (tmp_path / "a.xml").write_bytes(content)
+    with pytest.raises(sc.FormatError) as read:
+        read_device_set(tmp_path / "a.xml")
+    assert str(read.value) == sentence
+
+
+def test_ascii_may_be_called_by_the_name_of_what_has_it(tmp_path):
+    ascii_only = DEVICES.encode("ascii", "replace").replace(b"UTF-8", b"windows-1252")
+    (tmp_path / "a.xml").write_bytes(ascii_only)
+    assert read_device_set(tmp_path / "a.xml").transforms
+    assert b"windows-1252" in put_into_device_set(calibration(), ascii_only, "a.xml")

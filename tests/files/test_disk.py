@@ -9,11 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import sonocal as sc
 from sonocal import FormatError, InputError
+from sonocal.detection import read_detections
 from sonocal.files import (
     beside,
     digest,
     file_size,
+    path_of,
     read_at,
     read_bytes,
     read_text,
@@ -21,6 +24,14 @@ from sonocal.files import (
     write_into_folder,
     writing,
 )
+from sonocal.simulation.scene import simulate_observations
+from sonocal.targets import read_lines
+
+
+def saved(name):
+    """Write a calibration under a name."""
+    sc.calibrate(simulate_observations(2, 30, seed=1).observations).save(name)
+
 
 # As parts of a path, with what climbs out among them.
 PARTS = st.sampled_from(["a", "..", ".", "b.raw", "", "C:", "\\", "/", "...", "a b", "\\\\server", "..a"])
@@ -129,3 +140,28 @@ def test_a_place_that_cannot_be_written_is_said(tmp_path):
         write_into_folder(tmp_path / "file", {"a": b""})
     with pytest.raises(InputError, match="is a directory; name the file in it"):
         read_bytes(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        (None, "the name of a file is needed, as text or a Path; got None"),
+        (b"x", "the name of a file is needed, as text or a Path; got b'x'"),
+        ("a\0b", r"'a\x00b': no file can be called so, it holds a zero byte"),
+        ("\ud800", r"'\ud800': no file can be called so, it holds half a character"),
+    ],
+)
+@pytest.mark.parametrize(
+    "use", [sc.read_observations, sc.read_recording, sc.load, read_lines, read_detections, saved], ids=str
+)
+def test_what_names_no_file_is_refused_wherever_a_file_is_named(use, name, sentence):
+    with pytest.raises(InputError) as caught:
+        use(name)
+    assert str(caught.value) == sentence
+
+
+def test_names_that_the_system_gives_are_names(tmp_path):
+    for name in ("a b", "\udcff", "é"):  # the second is a byte that is no UTF-8
+        path = tmp_path / name
+        path.write_bytes(b"x")
+        assert read_bytes(path_of(str(path))) == b"x"

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import sonocal as sc
 from sonocal import FormatError, InputError, Observations, SonocalError, read_observations, write_observations
 from sonocal.observations import group_codes, observations_csv, parse_observations
 from sonocal.simulation.scene import simulate_observations
@@ -243,3 +244,25 @@ def test_an_unknown_split_names_those_there_are():
     with pytest.raises(InputError) as caught:
         rows.select_split("test")
     assert str(caught.value) == "a.csv: no row has split 'test'; the splits in it are 'calibration'"
+
+
+def test_times_that_are_none_warn_of_nothing_and_are_no_times():
+    rows = simulate_observations(2, 30, seed=1).observations
+    for far in ("-1e300", "nan", "inf", "noon"):
+        times = [f"{i}" for i in range(len(rows) - 1)] + [far]
+        table = Observations(rows.points_px, rows.segments_mm, extra={"time_s": times})
+        assert table.stamps_s() is None
+        sc.calibrate(table)
+
+
+def test_numbers_of_frames_do_not_wrap():
+    rows = simulate_observations(2, 30, seed=1).observations
+    frames = np.arange(len(rows), dtype=np.uint64) + np.uint64(2**63 - 3)
+    with pytest.raises(sc.InputError, match=r"frame must be whole numbers below 2\^63"):
+        Observations(rows.points_px, rows.segments_mm, frame=frames)
+
+
+def test_a_table_without_splits_says_that_it_has_none():
+    rows = simulate_observations(2, 30, seed=1).observations
+    with pytest.raises(InputError, match="no row has split 'x'; it has no column split: add one that says"):
+        rows.select_split("x")

@@ -10,6 +10,7 @@ from sonocal.recording import (
     Poses,
     Recording,
     estimate_latency,
+    health,
     interpolate_poses,
     join,
     motion_signal,
@@ -261,3 +262,21 @@ def test_without_noise_the_lag_is_met_to_a_small_part_of_its_grid(seed, latency)
     found = estimate_latency(t, wave(t), s, wave(s - latency))
     assert found.latency_s == pytest.approx(latency, abs=3e-5)
     assert found.correlation == pytest.approx(1, abs=1e-5)
+
+
+def test_a_latency_beyond_the_recording_is_said_to_be_in_seconds():
+    recording = recording_of({"Probe": random_twist(1)}, np.arange(20) * 0.125)
+    with pytest.raises(
+        InputError, match=r"they do not overlap after a latency of 65 s, which is in seconds; bring"
+    ):
+        with_latency(recording, 65)
+
+
+def test_poses_that_a_latency_takes_out_of_the_recording_are_not_blamed_on_the_trackers_view():
+    recording = recording_of({"Probe": random_twist(1)}, np.arange(20) * 0.125)
+    (found,) = [one for one in health(with_latency(recording, 1.25)) if one.code == "invalid-poses"]
+    assert (
+        "10 of 20 poses are invalid (50 %), 10 in a row at most, 10 of them since the latency takes"
+        in found.message
+    )
+    assert found.advice == "such frames are left out; the latency is in seconds: check it"

@@ -161,12 +161,23 @@ def test_putting_rows_together_is_associative(seed):
         ({"threshold_mm": True}, "threshold_mm must be a positive number; got True"),
         ({"confidence": 2}, "confidence must be below 1; got 2.0"),
         ({"seed": 1.5}, "seed must be a whole number"),
+        ({"robust": "no"}, "robust must be True or False; got 'no'"),
+        ({"refine": np.array([1, 0])}, r"refine must be True or False; got array\(\[1, 0\]\)"),
+        ({"sigma_mm": [[1], [1, 2]]}, "sigma_mm: rows are of unlike length"),
+        ({"sigma_mm": "1"}, "sigma_mm must be a positive number; got the text '1'"),
         ({"weighting": "equal"}, "weighting must be one of likelihood, geometric; got 'equal'"),
     ],
 )
 def test_options_are_refused_before_anything_is_done(keywords, sentence):
     with pytest.raises(InputError, match=sentence):
         reg.register(reg.point_point(np.eye(3), np.eye(3)), **keywords)
+
+
+def test_no_rows_are_no_rows_to_put_together():
+    with pytest.raises(InputError, match=r"^there is no correspondence to put together"):
+        reg.rows()
+    with pytest.raises(InputError, match=r"^rows of correspondences"):
+        reg.rows(None)
 
 
 def test_numpy_numbers_are_numbers():

@@ -76,6 +76,26 @@ def test_the_page_holds_every_part(page):
     assert page.count('class="picture"') == MOST_PICTURES
 
 
+def test_every_column_has_its_unit_and_the_title_what_was_scanned(page, scan):
+    for words in ("median, mm", "95 % below, mm", "max, mm", "error, mm", "spread, mm", "95 % interval, mm"):
+        assert f">{words}</th>" in page
+    assert re.search(r"\d+ errors<br><small>in \d+ independent frames", page)
+    assert f"<td>page written by</td><td>sonocal {sc.__version__}</td>" in page
+    _, found = scan
+    kept = found.provenance | {"recorded": {"recording": {"input": "sweep.igs.mha"}}}
+    of_recording = report_html(dataclasses.replace(found, provenance=kept)).decode()
+    assert "<title>Probe calibration from sweep.igs.mha: " in of_recording
+    assert "<h1>Probe calibration from sweep.igs.mha, " in of_recording
+
+
+def test_what_is_not_known_to_be_the_image_is_called_the_area_seen():
+    rows = simulate_observations(2, 20, seed=3).observations.with_sound(image_size_px=None)
+    page = report_html(sc.calibrate(rows), rows).decode()
+    assert "Where in the area seen" in page
+    assert page.count("Predicted error over the area seen") == 2
+    assert "Predicted error over the image" not in page
+
+
 def test_nothing_is_fetched_and_names_are_not_markup(page):
     assert len(page) < MOST_BYTES
     references = re.findall(r'(?:href|src)="([^"]*)"', page) + re.findall(r"url\(([^)]*)\)", page)
@@ -123,12 +143,18 @@ def test_a_browser_opens_it_without_a_request_or_an_error(page, tmp_path):
         tab.on("pageerror", lambda error: troubles.append(str(error)))
         tab.goto((tmp_path / "report.html").as_uri())
         overflow = tab.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        tab.set_viewport_size({"width": 420, "height": 900})
+        narrow = tab.evaluate(
+            "[document.documentElement, ...document.querySelectorAll('table, figure, div')]"
+            ".map(one => one.scrollWidth - one.clientWidth)"
+        )
         tab.emulate_media(media="print")
         printed = tab.pdf(format="A4", prefer_css_page_size=True)
         browser.close()
     assert [url for url in requests if not url.startswith("data:")] == [(tmp_path / "report.html").as_uri()]
     assert troubles == []
     assert overflow <= 0
+    assert max(narrow) <= 1  # nothing is cut off, or hidden behind a bar; borders are rounded
     assert printed.startswith(b"%PDF")
 
 

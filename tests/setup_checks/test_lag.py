@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 import sonocal as sc
 from sonocal.calibration import point_line_rows
 from sonocal.recording import with_latency
+from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks import Refused, refusal_findings
 from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.lines_in_time import LinesInTime, RowsInTime
 from sonocal.sweep import calibrate_points
-from sonocal.sweep.suspects import CHANGES
 from tests.builders.similarities import random_similarity
 
 seeds = st.integers(0, 1000)

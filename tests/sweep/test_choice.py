@@ -252,3 +252,18 @@ def test_volumes_whose_first_lines_were_elsewhere_are_looked_at_again():
     again = shown[shown % 4 == 0]
     assert np.isin(again, twice.observations.frame).sum() >= 0.8 * len(again) > 0
     assert twice.used > once.used
+
+
+@pytest.mark.parametrize(("targets", "unit"), [(1, "images"), (3, "sightings")])
+def test_images_of_a_needle_are_counted_as_images_and_of_wires_as_sightings(targets, unit):
+    rows = simulate_observations(2, 60, seed=1).observations
+    frame, names = np.arange(60) // targets, np.array([f"w{i % targets}" for i in range(60)])
+    table = replace(rows, frame=frame, target=names)
+    (said,) = [
+        one for one in calibrate_candidates(table).calibration.diagnostics if one.code == "images-used"
+    ]
+    assert f"of 60 {unit} took part" in said.message
+    rng = np.random.default_rng(0)
+    scattered = replace(table, points_px=rng.uniform(0, 500, (60, 2)))
+    with pytest.raises(sc.NoConsensusError, match=rf"of 60 {unit}; 60 candidates in {60 // targets} images"):
+        calibrate_candidates(scattered)

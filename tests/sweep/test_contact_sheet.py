@@ -123,3 +123,13 @@ def test_marks_beyond_an_image_are_cut_off():
 def test_where_there_are_no_images_there_is_no_sheet():
     with pytest.raises(InputError, match="recording: has no images to show"):
         contact_sheet(Recording(times=np.arange(2.0)), Detections.of_points([0], [[1, 2]]))
+
+
+def test_every_image_bears_its_own_number():
+    grey = np.zeros((13, 200, 300), dtype=np.uint8)
+    sheet = contact_sheet(recording_of_images(grey), Detections.of_points([], np.empty((0, 2))), tiles=13)
+    height = sheet.shape[0] // 4
+    corners = [tile(sheet, i, height)[-20:-1, :40] for i in range(13)]
+    assert len({corner.tobytes() for corner in corners}) == 13
+    ones = corners[11][..., 0] // 255
+    assert ones[:, :8].sum() == ones[:, 8:16].sum() > 0  # 11: one digit twice

@@ -1,12 +1,14 @@
 """Every option of a recording's calibration is checked before the first image is decoded."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import sonocal as sc
 from sonocal import InputError, Line
 from sonocal.detection import Detections
 from sonocal.sweep import Options, PointsOptions, calibrate_points, calibrate_recording
@@ -149,3 +151,14 @@ def test_a_point_that_may_be_of_several_lines_is_refused():
     with pytest.raises(InputError) as caught:
         calibrate_points(scan.recording, [wire(0.0, "a", "Needle"), wire(9.0, "b", "Needle")], found)
     assert str(caught.value) == "points.csv: target '' is none of the lines a, b; name one"
+
+
+@pytest.mark.parametrize("name", ["needle.toml", Path("needle.toml")])
+def test_who_gives_the_name_of_a_file_for_lines_is_told_how_to_read_it(name):
+    recording = sc.Recording(times=np.arange(2.0), poses={})
+    with pytest.raises(sc.InputError) as caught:
+        sc.calibrate_recording(recording, name)
+    assert str(caught.value) == (
+        "a list of lines is needed; got the name 'needle.toml': read them from the file with "
+        "lines, fixed = sonocal.targets.read_lines(name)"
+    )

@@ -143,7 +143,7 @@ def test_a_slipped_tip_is_warned_of():
 
 
 def test_poses_without_a_tip_have_no_consensus():
-    with pytest.raises(NoConsensusError, match=r"only \d+ of 100 poses share a tip within 5 mm"):
+    with pytest.raises(NoConsensusError, match=r"only \d+ of 100 poses share a tip within 5 mm; rest"):
         calibrate_pivot(random_poses(np.random.default_rng(0), 100, spread_mm=1e5))
 
 
@@ -153,4 +153,14 @@ def test_what_cannot_be_a_pivot_is_refused():
         calibrate_pivot(poses, valid=np.arange(200) < 9)
     poses[17, :3, :3] *= 1.1
     with pytest.raises(InputError, match=r"poses, frame 17: its pose is not rigid \(det R = 1.33\)"):
+        calibrate_pivot(poses)
+
+
+@pytest.mark.parametrize(("order", "how"), [([3, 0, 1, 2], "first"), ([1, 2, 3, 0], "last")])
+def test_quaternions_in_the_other_order_are_named(order, how):
+    poses = pivoting(np.random.default_rng(3))
+    quaternions = np.roll(Rotation.from_matrix(poses[:, :3, :3]).as_quat(), 1, axis=1)[:, order]
+    poses[:, :3, :3] = Rotation.from_quat(np.roll(quaternions, -1, axis=1)).as_matrix()
+    said = f"they do when they are read with the scalar of their quaternions {how}: write them as they are meant$"
+    with pytest.raises(NoConsensusError, match=said):
         calibrate_pivot(poses)

@@ -162,8 +162,9 @@ def _diagnose_drift(noise: Noise) -> Iterator[Diagnostic]:
     few = drift.stretches < ENOUGH_STRETCHES
     if not (few or size > LARGE_DRIFT * noise.row_mm):
         return
-    seen = f"; only some {drift.stretches:.0f} independent ones were seen, so that the predicted error is a guess"
-    guess = seen if few else ""
+    many = round(drift.stretches)
+    seen = "one independent stretch was" if many <= 1 else f"{many} independent stretches were"
+    guess = f"; only about {seen} seen, so that the predicted error is a guess" if few else ""
     yield Diagnostic(
         code="drifting-residuals",
         severity="warning",

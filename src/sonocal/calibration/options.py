@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sonocal.errors import InputError
-from sonocal.registration.options import Model, Weighting, positive_number
+from sonocal.registration.options import Model, Weighting, positive_number, true_or_false
 from sonocal.registration.options import Options as RegistrationOptions
 
 __all__ = ["Keywords", "Options", "kept_options"]
@@ -68,9 +68,7 @@ class Options(RegistrationOptions):
             self._keep("image_size_px", _size(self.image_size_px))
         if self.scanner_mm_per_px is not None:
             self._keep("scanner_mm_per_px", _scanner(self.scanner_mm_per_px))
-        if not isinstance(self.marker_above_image, (bool, np.bool_)):
-            raise InputError(f"marker_above_image must be True or False; got {self.marker_above_image!r}")
-        self._keep("marker_above_image", bool(self.marker_above_image))
+        self._keep("marker_above_image", true_or_false("marker_above_image", self.marker_above_image))
         if self.expected_rotation is not None:
             self._keep("expected_rotation", _rotation(self.expected_rotation))
 
@@ -145,7 +143,7 @@ def _scanner(value: Any) -> float | tuple[float, float]:
 def _rotation(value: Any) -> tuple[tuple[float, ...], ...]:
     try:
         directions = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         directions = np.empty(0)
     if directions.shape != (3, 3) or not np.all(np.isfinite(directions)):
         raise InputError(
@@ -156,6 +154,10 @@ def _rotation(value: Any) -> tuple[tuple[float, ...], ...]:
         raise InputError(
             "expected_rotation must be directions of about unit length, about at right angles; got columns of lengths "
             f"{np.round(np.linalg.norm(directions, axis=0), 3).tolist()}"
+        )
+    if np.linalg.det(directions) < 0:
+        raise InputError(
+            "expected_rotation must be a rotation; got left-handed directions: the third column is u x v, turn it round"
         )
     return tuple(map(tuple, directions.tolist()))
 

@@ -17,7 +17,8 @@ from sonocal.calibration.options import Options
 from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sigma
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError
-from sonocal.files import read_bytes, write_atomically
+from sonocal.files import path_of, read_bytes, write_atomically
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import FURTHEST, Array, AxisScaled, Similarity, area_places, frozen, real_array
 from sonocal.registration.noise import Noise
@@ -144,8 +145,11 @@ class Calibration:
                 f"points_px must have shape {wanted}, a row a point of the {self.dimension}D image; got shape "
                 f"{points_px.shape}"
             )
-        if np.any(np.abs(points_px) >= FURTHEST):
-            raise InputError(f"points_px must lie in an image; got {np.abs(points_px).max():.3g} px")
+        if len(rows := np.flatnonzero(~np.all(np.abs(points_px) < FURTHEST, axis=1))):
+            place = ", ".join(f"{x:.3g}" for x in points_px[rows[0]])
+            raise InputError(
+                f"points_px must lie in an image; row {rows[0]} is at ({place}) px, leave it out"
+            )
         if self.covariance is None:
             raise UnsupportedError(
                 "this calibration has no row to spare and so no covariance; calibrate with more sightings"
@@ -187,7 +191,7 @@ class Calibration:
         return float(radius_95(covariances, self.noise.freedom).max()) / FAR_PX
 
     def save(self, path: str | Path) -> None:
-        """Write the calibration as JSON, whole or not at all.
+        """Write the calibration as JSON, whole or not at all; a file of that name is replaced.
 
         Raises:
             InputError: the file cannot be written.
@@ -241,7 +245,8 @@ def load_calibration(path: str | Path) -> Calibration:
         FormatError: it is not a calibration, or one of its fields is not what it must be.
         UnsupportedError: a later sonocal wrote it in a form that this one does not know.
     """
-    path = Path(path)
+    path = path_of(path)
+    refuse_other_kind(path, "calibration")
     return parse_calibration(read_bytes(path), path.name)
 
 

@@ -157,6 +157,7 @@ def calibrate(
 
     _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
     if source.exists():  # else a reader says so
+        _require_kinds(source, lines)
         reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
     recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
     options["expected_rotation"] = _expected(expected, choice_of(options))
@@ -204,10 +205,19 @@ def _refuse_mixture(*, recording: bool, given: bool) -> None:
         raise click.UsageError(f"{names[0]} is for detection; with --points nothing is detected")
 
 
-def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) -> Result:
-    import sonocal
+def _require_kinds(source: Path, lines: Path | None) -> None:
+    """Refuse what is plainly something else, before anything is said of where results would go."""
     from sonocal.cli.formats import kind_of, require_kind
 
+    if lines is not None:
+        if kind_of(source) == "observations":
+            raise InputError(
+                f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
+            )
+        require_kind(source, ("recording",))
+        if lines.exists():
+            require_kind(lines, ("targets", "device set"))
+        return
     if source.is_dir():
         raise InputError(
             f"{source}: is a directory; name a table of sightings in it, or say with --lines what its images show"
@@ -216,7 +226,12 @@ def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) ->
         raise InputError(
             f"{source.name}: is a recording; say with --lines which needle or wires were seen in it"
         )
-    require_kind(source, ("observations",), "give a table of sightings (CSV), or a recording with --lines")
+    require_kind(source, ("observations",))
+
+
+def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) -> Result:
+    import sonocal
+
     rows = sonocal.read_observations(source)
     try:
         return Result(rows, sonocal.calibrate(rows, **options), {})

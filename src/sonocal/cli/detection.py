@@ -137,9 +137,9 @@ def detect(
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
     files = [output, *([] if sheet is None else [sheet])]
-    reserve(*files)
     loaded = read_recording(recording, options["poses"], options["latency_s"], options["on_invalid"])
     known, fixed = lines_in(lines)
+    reserve(*files)
     with progress("detecting") as report:
         look = detection.DetectionOptions(**looking(loaded, options))
         found = detection.detect(loaded, look, report)

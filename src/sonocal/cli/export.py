@@ -66,8 +66,8 @@ def export(
 
     if form != "plus" and into is not None:
         raise click.UsageError("--into is for --to plus")
-    reserve(output)
     loaded = calibration_in(calibration, choice_of(options))
+    reserve(output)
     refuse_choice(loaded)
     remark = _remark(calibration, loaded, force=force)
     content = _content(loaded, form, output, into, (options["image"], options["probe"]))
@@ -108,11 +108,11 @@ def _content(
         return _json(found)
     if form == "plus":
         from sonocal.export.plus import plus_xml, put_into_device_set
-        from sonocal.files import read_bytes
+        from sonocal.files.xml import read_xml
 
         if into is None:
             return plus_xml(found, *frames)
-        return put_into_device_set(found, read_bytes(into), into.name, *frames)
+        return put_into_device_set(found, read_xml(into), into.name, *frames)
     return _transform(found, form, output)
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.existing.formats import FORMATS as MATRICES
 from sonocal.existing.formats import read_existing
+from sonocal.files.elsewhere import NAMES, USES, is_known_points, is_observations, is_points
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
 from sonocal.targets.formats import FORMATS as TARGETS
@@ -60,13 +61,13 @@ def kind_of(path: Path) -> Kind | None:
     return None if found is None else found.kind
 
 
-def require_kind(path: Path, wanted: tuple[Kind, ...], advice: str) -> None:
+def require_kind(path: Path, wanted: tuple[Kind, ...], advice: str = "") -> None:
     """Raise if a file is known to be something else; damaged files are left to their reader's sentences.
 
     Args:
         path: a file; of a directory its reader speaks.
         wanted: what it may be.
-        advice: what to give instead.
+        advice: what to give instead; else, who takes such a file.
 
     Raises:
         InputError: it cannot be read, or is of another kind.
@@ -76,9 +77,11 @@ def require_kind(path: Path, wanted: tuple[Kind, ...], advice: str) -> None:
     head = Head.of(path)
     found = recognise(head, FORMATS)
     if found is not None and found.kind not in wanted:
-        raise InputError(f"{path.name}: is {_KINDS[found.kind]}; {advice}")
+        raise InputError(f"{path.name}: is {NAMES[found.kind]}; {advice or USES[found.kind]}")
     if head.is_page:
-        raise InputError(f"{path.name}: is {head.looks_like} and not {_KINDS[wanted[0]]}; {advice}")
+        raise InputError(
+            f"{path.name}: is {head.looks_like} and not {NAMES[wanted[0]]}; {advice or 'download the file itself'}"
+        )
 
 
 def calibration_in(path: Path, choice: Choice | None = None) -> Calibration | Existing:
@@ -160,16 +163,6 @@ ADVICE = (
     "name the calibration.json that sonocal calibrate wrote, or a matrix of other software: a device set of PLUS "
     "(.xml), a transform (.tfm, .h5), a 4 x 4 (text, .npy)"
 )
-_KINDS: dict[Kind, str] = {
-    "calibration": "a JSON file",
-    "device set": "a device set of PLUS",
-    "known points": "a table of points whose place is known",
-    "matrix": "a matrix, such as a calibration of other software",
-    "observations": "a table of sightings",
-    "points": "a table of points found in images",
-    "recording": "a recording",
-    "targets": "a file of needles, wires or points",
-}
 
 
 def _plural(kind: Kind) -> str:
@@ -204,21 +197,13 @@ def _write_calibration(calibration: Calibration, path: Path) -> None:
     calibration.save(path)
 
 
-def _has_known_place(head: Head) -> bool:
-    return not {"x_mm", "probe_00"}.isdisjoint(head.columns)
-
-
-def _is_points(head: Head) -> bool:
-    return "u_px" in head.columns and "x0_mm" not in head.columns
-
-
 TABLES: tuple[Format, ...] = (
     Format(
         name="table of sightings",
         kind="observations",
         suffixes=TABLE_SUFFIXES,
         header="the column x0_mm",
-        sniff=lambda head: "x0_mm" in head.columns,
+        sniff=is_observations,
         read=_observations,
         holds="points of images against lines, with further columns",
         write=_write_observations,
@@ -229,7 +214,7 @@ TABLES: tuple[Format, ...] = (
         kind="points",
         suffixes=TABLE_SUFFIXES,
         header="the column u_px",
-        sniff=lambda head: _is_points(head) and not _has_known_place(head),
+        sniff=is_points,
         read=_detections,
         holds="for `--points`, with the recording that they were found in",
     ),
@@ -238,7 +223,7 @@ TABLES: tuple[Format, ...] = (
         kind="known points",
         suffixes=TABLE_SUFFIXES,
         header="the columns u_px and x_mm or probe_00",
-        sniff=lambda head: _is_points(head) and _has_known_place(head),
+        sniff=is_known_points,
         read=_known_points,
         holds="for `sonocal validate --crosswire`",
     ),

@@ -67,14 +67,10 @@ def from_recording(
         options: of `sonocal.calibrate`.
         start: a transform that may be near, by which candidates may be chosen.
     """
-    from sonocal.cli.formats import kind_of, lines_in
+    from sonocal.cli.formats import lines_in
     from sonocal.observations.table_file import as_file
     from sonocal.recording.formats import read_recording
 
-    if kind_of(source) == "observations":
-        raise InputError(
-            f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
-        )
     recording = read_recording(source, recorded["poses"], recorded["latency_s"], recorded["on_invalid"])
     known, fixed = lines_in(lines)
     refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])

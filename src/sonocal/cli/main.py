@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import click
@@ -29,7 +30,16 @@ class _Commands(click.Group):
         try:
             return super().invoke(ctx)
         except SonocalError as error:
-            raise click.ClickException(harmless(str(error))) from None
+            options = self.commands[ctx.invoked_subcommand].params if ctx.invoked_subcommand else []
+            raise click.ClickException(harmless(_in_options(str(error), options))) from None
+
+
+def _in_options(sentence: str, options: list[click.Parameter]) -> str:
+    """A sentence on arguments of a Python function, with the options that they are on the command line."""
+    for option in options:
+        if option.name and "_" in option.name and option.opts[0].startswith("--"):
+            sentence = re.sub(rf"\b{option.name}(?= (?:must|says|is|are|and)\b)", option.opts[0], sentence)
+    return sentence
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,7 @@ __all__ = [
     "POSES",
     "PROBE",
     "SCANNER",
+    "Scale",
     "Size",
     "Threshold",
     "console",
@@ -51,6 +53,26 @@ class Size(click.ParamType[tuple[int, ...]]):
         if len(parts) not in (2, 3) or not all(part.isdigit() and int(part) > 0 for part in parts):
             self.fail(f"{value!r} is not a size such as 640x480", param, ctx)
         return tuple(int(part) for part in parts)
+
+
+class Scale(click.ParamType[float | tuple[float, float]]):
+    """Millimetres per px, one number or one along u and one along v."""
+
+    name = "MM[,MM]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | tuple[float, float]:
+        """The number, or both."""
+        try:
+            numbers = [float(part) for part in str(value).split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (1, 2) or not all(0 < number < math.inf for number in numbers):
+            self.fail(
+                f"{value!r} is not a positive number such as 0.24, or two such as 0.24,0.25", param, ctx
+            )
+        return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
 
 
 class Threshold(click.ParamType[float | str]):
@@ -106,10 +128,10 @@ MASK = click.option(
     help="Image of the recording's size, not black where to look.  [default: found from the recording]",
 )
 SCANNER = click.option(
-    "--scanner-mm-per-px", type=click.FloatRange(0, min_open=True), help="What the scanner says, to compare."
+    "--scanner-mm-per-px", type=Scale(), help="What the scanner says, to compare; or along u and along v."
 )
 NO_REPORT = click.option(
-    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no report.html."
+    "--no-report", "report", is_flag=True, flag_value=False, default=True, help="Write no page (HTML)."
 )
 JSON = click.option(
     "--json", "as_json", is_flag=True, help="Print the result as JSON on stdout instead of tables."

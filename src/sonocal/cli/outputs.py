@@ -15,10 +15,10 @@ from sonocal.files import remove, write_into_folder
 __all__ = ["OVERWRITE", "reserve", "reserve_results", "write_results"]
 
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files that are there already.")
-# Options that name what is written, or may be changed in place if ``--overwrite`` says so; every other path is read.
-WRITTEN = {"output", "sheet", "into"}
+# Options that name what is written; every other path is read.
+WRITTEN = {"output", "sheet"}
 # What a calibration's folder holds: files of one run, which mean nothing beside those of another.
-RESULTS = ("calibration.json", "report.html", "observations.csv", "contact-sheet.png")
+RESULTS = ("calibration.json", "report.html", "validation.html", "observations.csv", "contact-sheet.png")
 
 
 def reserve(*paths: Path, replaced: bool = False, read: Iterable[str] = ()) -> None:

@@ -26,6 +26,8 @@ def report_files(
     numbers: Validation | None = None,
     comparison: Comparison | None = None,
     frames: Sequence[FrameImage] = (),
+    *,
+    name: str = "report.html",
 ) -> dict[str, bytes]:
     """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed.
 
@@ -37,7 +39,7 @@ def report_files(
     if numbers is None and rows is not None:
         numbers = validate(calibration, rows, resample=False)
     try:
-        return {"report.html": report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
+        return {name: report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
     except UnsupportedError as error:
         say(f"Note: {error}", err=True)
         return {}

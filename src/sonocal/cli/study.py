@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sonocal.cli.options import console
 from sonocal.cli.outputs import reserve
 from sonocal.cli.screen.plain import say, say_json
 from sonocal.errors import UnsupportedError
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from sonocal.studies import Row, Store, Workers
 
 __all__ = ["study"]
@@ -69,7 +72,7 @@ def study(
     if name is None:
         for each in built_in_names():
             loaded = load_study(each)
-            say(f"{each:20s} {loaded.question or loaded.title}")
+            console().print(_listed(each, loaded.question or loaded.title))
         return
     changes = {"trials": trials, "seed": seed}
     loaded = load_study(name, **{key: value for key, value in changes.items() if value is not None})
@@ -121,8 +124,8 @@ def _progress(name: str) -> Iterator[Callable[[int, int], None]]:
 
     from sonocal.cli.screen.terminal import Terminal
 
-    console = Terminal(stderr=True)
-    if not console.is_terminal:
+    errors = Terminal(stderr=True)
+    if not errors.is_terminal:
         yield _lines(name)
         return
     columns = (
@@ -132,7 +135,7 @@ def _progress(name: str) -> Iterator[Callable[[int, int], None]]:
         TextColumn("trials,"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, TextColumn("left"), console=console, transient=True) as bar:
+    with Progress(*columns, TextColumn("left"), console=errors, transient=True) as bar:
         task = bar.add_task(name, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
@@ -152,3 +155,15 @@ def _lines(name: str) -> Callable[[int, int], None]:
         say(f"{name}: {done} of {total} trials, {left:.0f} s left", err=True)
 
     return report
+
+
+def _listed(name: str, words: str) -> RenderableType:
+    """A study's name and what it asks, below one another's words where the terminal is narrow."""
+    from rich.table import Table
+    from rich.text import Text
+
+    row = Table.grid(padding=(0, 1))
+    row.add_column(min_width=20, no_wrap=True)
+    row.add_column()
+    row.add_row(Text(name), Text(words))
+    return row

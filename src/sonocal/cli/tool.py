@@ -131,9 +131,9 @@ def tool(
     )
 
     _refuse_half_a_stylus(options)
-    reserve(*([] if output is None else [output]))
     options |= _parts(recording, options)
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
+    reserve(*([] if output is None else [output]))
     found = calibrate_tool(options.pop("tool_name"), **options)
     source = next(part.name for name in ("first", "spin") if (part := options.get(name)) is not None)
     refuse_units(source, found.diagnostics, accepted=accept_units)

@@ -46,6 +46,9 @@ if TYPE_CHECKING:
 
 __all__ = ["validate"]
 
+PAGE = "validation.html"
+"""Beside the report that `calibrate` wrote, which is another run's."""
+
 
 class _NWire(click.ParamType[tuple[str, str, str]]):
     """LEFT,MIDDLE,RIGHT."""
@@ -68,7 +71,7 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
     "-o",
     "--output",
     type=FILE,
-    help="Folder for report.html.  [default: CALIBRATION's]",
+    help=f"Folder for {PAGE}.  [default: CALIBRATION's]",
 )
 @click.option("--split", metavar="NAME", help="Take the rows of this split as held out.")
 @click.option("--crosswire", is_flag=True, help="INPUT is a table of points.  [default: by its columns]")
@@ -137,7 +140,7 @@ def validate(
     found = calibration_in(calibration, choice)
     folder = calibration.parent if output is None else output
     if report and not isinstance(found, Existing):
-        _reserve_report(folder, calibration, found)
+        _reserve_page(folder, calibration)
     others = [None if path is None else calibration_in(path, choice) for path in (compare, expected)]
     refuse_choice(found, *others)
     how = {"crosswire": options.pop("crosswire"), "nwires": options.pop("nwires"), "split": options["split"]}
@@ -172,7 +175,7 @@ def _validate_ours(
         found_too = comparison_findings(found, comparison)
         numbers = replace(numbers, diagnostics=(*numbers.diagnostics, *found_too))
     apart = None if other is None or comparison is not None else _apart(other, found)
-    files = {} if folder is None else report_files(found, measured.rows, numbers, comparison)
+    files = {} if folder is None else report_files(found, measured.rows, numbers, comparison, name=PAGE)
     write_into_folder(folder or Path(), files)
     if as_json:
         say_json(
@@ -193,18 +196,14 @@ def _apart(other: Calibration | Existing, found: Calibration) -> Difference:
     return difference(other, found, found.area_px, "ours")
 
 
-def _reserve_report(folder: Path, path: Path, calibration: Calibration) -> None:
-    """A report takes the place of an earlier one of the same calibration, and stands beside no other calibration."""
-    from sonocal.files import read_bytes
-    from sonocal.report import is_report_of
-
-    beside, page = folder / path.name, folder / "report.html"
-    for other in {folder / "calibration.json", beside}:
+def _reserve_page(folder: Path, path: Path) -> None:
+    """A page stands beside no other calibration."""
+    for other in {folder / "calibration.json", folder / path.name}:
         if other.exists() and not other.samefile(path):
             raise InputError(
                 f"{folder}: holds another calibration, {other.name}; choose another folder with -o"
             )
-    reserve(page, replaced=page.is_file() and is_report_of(read_bytes(page), calibration))
+    reserve(folder / PAGE)
 
 
 def _numbers(calibration: Calibration, measured: Measured, options: dict[str, Any]) -> Validation:

@@ -8,7 +8,8 @@ import numpy as np
 
 from sonocal.detection.detections import Detections
 from sonocal.errors import InputError
-from sonocal.files import read_text
+from sonocal.files import path_of, read_text
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import parse_table
 
 __all__ = ["read_detections"]
@@ -21,7 +22,8 @@ def read_detections(path: str | Path) -> Detections:
         InputError: a column is missing or a value is wrong; the sentence names file, line and column.
         FormatError: the file is not CSV.
     """
-    path = Path(path)
+    path = path_of(path)
+    refuse_other_kind(path, "points", "known points")
     table = parse_table(path.name, read_text(path, "a table of points"))
     table.need_rows("write one row a point")
     if missing := [column for column in ("frame", "u_px", "v_px") if column not in table.columns]:

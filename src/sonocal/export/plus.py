@@ -7,13 +7,13 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
-from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 from sonocal.calibration import Calibration
-from sonocal.errors import FormatError, InputError
+from sonocal.errors import InputError
 from sonocal.existing import Existing
 from sonocal.export.content import Content, content_of
+from sonocal.files.xml import BOM, tell_elements
 
 __all__ = ["plus_xml", "put_into_device_set"]
 
@@ -23,7 +23,6 @@ COMMENT = (
 )
 COPY = "Copy the Transform into the CoordinateDefinitions of your device set. "
 PLACE = ("PlusConfiguration", "CoordinateDefinitions")
-BOM = b"\xef\xbb\xbf"
 
 
 def plus_xml(calibration: Calibration | Existing, image: str = "Image", probe: str = "Probe") -> bytes:
@@ -70,7 +69,7 @@ def put_into_device_set(
     """
     start = len(BOM) if content.startswith(BOM) else 0
     body = content[start:]
-    there = _look(body, name)
+    there = _look(content, name)
     if there.name != PLACE[0]:
         raise InputError(f"{name}: its root is <{there.name[:40]}> where a PLUS device set has <{PLACE[0]}>")
     same = there.transforms.get((image, probe), [])
@@ -115,43 +114,31 @@ class _Found:
     root: tuple[int, int] = (0, 0)
     definitions: tuple[int, int] | None = None
     transforms: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    path: list[str] = field(default_factory=list)
 
-
-def _look(body: bytes, name: str) -> _Found:
-    found, path = _Found(), []
-    parser = expat.ParserCreate()
-
-    def opened(tag: str, attributes: dict[str, str]) -> None:
-        path.append(tag)
-        if len(path) == 1:
-            found.name, found.root = tag, (parser.CurrentByteIndex, -1)
-        if tuple(path) == PLACE and found.definitions is None:
-            found.definitions = (parser.CurrentByteIndex, -1)
-        if tuple(path) == (*PLACE, "Transform"):
+    def opened(self, tag: str, attributes: dict[str, str], place: int) -> None:
+        """Keep the place of what matters."""
+        self.path.append(tag)
+        if len(self.path) == 1:
+            self.name, self.root = tag, (place, -1)
+        if tuple(self.path) == PLACE and self.definitions is None:
+            self.definitions = (place, -1)
+        if tuple(self.path) == (*PLACE, "Transform"):
             key = attributes.get("From", ""), attributes.get("To", "")
-            found.transforms.setdefault(key, []).append(parser.CurrentByteIndex)
+            self.transforms.setdefault(key, []).append(place)
 
-    def closed(tag: str) -> None:
-        if tuple(path) == PLACE and found.definitions is not None and found.definitions[1] < 0:
-            found.definitions = (found.definitions[0], parser.CurrentByteIndex)
-        if len(path) == 1:
-            found.root = (found.root[0], parser.CurrentByteIndex)
-        path.pop()
+    def closed(self, tag: str, place: int) -> None:
+        """Keep the end of what matters."""
+        if tuple(self.path) == PLACE and self.definitions is not None and self.definitions[1] < 0:
+            self.definitions = (self.definitions[0], place)
+        if len(self.path) == 1:
+            self.root = (self.root[0], place)
+        self.path.pop()
 
-    def declared(*_: object) -> None:
-        raise FormatError(
-            f"{name}: declares a document type or entities, which a device set never needs; delete them"
-        )
 
-    parser.StartElementHandler, parser.EndElementHandler = opened, closed
-    parser.StartDoctypeDeclHandler = declared
-    try:
-        body.decode("utf-8")
-        parser.Parse(body, True)
-    except UnicodeDecodeError as error:
-        raise FormatError(f"{name}: byte {error.start} is not UTF-8; save the device set as UTF-8") from None
-    except (expat.ExpatError, LookupError, ValueError) as error:  # of an encoding that is none, too
-        raise FormatError(f"{name}: is not XML ({error})") from None
+def _look(content: bytes, name: str) -> _Found:
+    found = _Found()
+    tell_elements(name, content, found)
     return found
 
 

@@ -19,6 +19,23 @@ BYTES_LIMIT = 512 << 20
 """Largest table of sightings or calibration read in one piece, bytes: four million rows fit in it."""
 
 
+def path_of(name: str | os.PathLike[str]) -> Path:
+    """The path that somebody names a file or folder by.
+
+    Raises:
+        InputError: it is no text, or none that a file could be called.
+    """
+    if not isinstance(name, (str, os.PathLike)) or not isinstance(text := os.fspath(name), str):
+        raise InputError(f"the name of a file is needed, as text or a Path; got {name!r}"[:200])
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError:
+        raise InputError(f"{text!r}: no file can be called so, it holds half a character"[:200]) from None
+    if "\0" in text:
+        raise InputError(f"{text!r}: no file can be called so, it holds a zero byte"[:200])
+    return Path(text)
+
+
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Turn the failures of reading a file into an `InputError`; what is no file, and could keep one waiting, is one."""
@@ -103,7 +120,7 @@ def beside(header: Path, name: str) -> Path:
 @contextmanager
 def writing(path: str | Path) -> Iterator[BinaryIO]:
     """A file that appears under its name only when all of it is written."""
-    path = Path(path)
+    path = path_of(path)
     temporary = None
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
@@ -126,7 +143,7 @@ def read_bytes(path: str | Path) -> bytes:
     Raises:
         InputError: it cannot be read, or is larger than `BYTES_LIMIT`.
     """
-    path = Path(path)
+    path = path_of(path)
     if (size := file_size(path)) > BYTES_LIMIT:
         raise InputError(
             f"{path.name}: holds {size} bytes, and more than {BYTES_LIMIT} are no table; is it the right file?"
@@ -166,7 +183,7 @@ def make_folder(folder: str | Path) -> None:
         InputError: it cannot be made.
     """
     try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
+        path_of(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be made a folder ({error.strerror}); choose another place"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
 
-__all__ = ["Table", "cells_to_numbers", "csv_rows", "csv_text", "parse_table"]
+__all__ = ["Table", "cells_to_numbers", "csv_rows", "csv_text", "parse_table", "without_comments"]
 
 
 # Of a name or a remark, characters.
@@ -81,13 +81,13 @@ def csv_text(name: str, content: bytes, what: str) -> str:
 
 
 def parse_table(name: str, text: str) -> Table:
-    """A table with one header line, which may have no rows.
+    """A table with one header line, which may have no rows; comment lines above it are passed over.
 
     Raises:
         FormatError: the text is not CSV, or a row has another number of cells than the header.
         InputError: there is no header, or a column stands twice.
     """
-    rows, lines = csv_rows(name, text)
+    rows, lines = csv_rows(name, without_comments(text)[0])
     if not rows:
         raise InputError(f"{name}: is empty; a table needs a header and rows")
     header = tuple(cell.strip() for cell in rows[0])
@@ -102,6 +102,23 @@ def parse_table(name: str, text: str) -> Table:
         raise InputError(f"{name}, line {lines[0]}: has the column {twice} twice; rename or delete one")
     cells = zip(*rows[1:], strict=True) if len(rows) > 1 else [()] * len(header)
     return Table(name, header, dict(zip(header, cells, strict=True)), tuple(lines[1:]))
+
+
+def without_comments(text: str) -> tuple[str, list[tuple[int, str]]]:
+    """A table's text whose comment lines above the header are blank, and these, each with its line's number.
+
+    Lines keep their numbers, so that messages name the file's own.
+    """
+    if not text.lstrip().startswith("#"):
+        return text, []
+    rows, comments = text.splitlines(keepends=True), []
+    for i, row in enumerate(rows):
+        if row.strip() and not row.lstrip().startswith("#"):
+            break
+        if row.strip():
+            comments.append((i + 1, row.strip()))
+            rows[i] = "\n"
+    return "".join(rows), comments
 
 
 def csv_rows(name: str, text: str) -> tuple[list[list[str]], list[int]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from sonocal.errors import InputError
 
-__all__ = ["SIZE_COLUMNS", "checked_size", "size_in_words", "size_line", "size_of", "without_comments"]
+__all__ = ["SIZE_COLUMNS", "checked_size", "size_in_words", "size_line", "size_of"]
 
 SIZE_COLUMNS = ("image_width_px", "image_height_px", "image_depth_px")
 SIZE_LINE = re.compile(r"#\s*image_size_px\s*[:=]\s*(.*)")
@@ -42,23 +42,6 @@ def size_in_words(size_px: Sequence[int]) -> str:
 def size_line(size_px: Sequence[int] | None) -> str:
     """The comment line of a size; nothing where it is not known."""
     return "" if size_px is None else f"# image_size_px: {' '.join(map(str, size_px))}\n"
-
-
-def without_comments(text: str) -> tuple[str, list[tuple[int, str]]]:
-    """A table's text whose comment lines above the header are blank, and these, each with its line's number.
-
-    Lines keep their numbers, so that messages name the file's own.
-    """
-    if not text.lstrip().startswith("#"):
-        return text, []
-    rows, comments = text.splitlines(keepends=True), []
-    for i, row in enumerate(rows):
-        if row.strip() and not row.lstrip().startswith("#"):
-            break
-        if row.strip():
-            comments.append((i + 1, row.strip()))
-            rows[i] = "\n"
-    return "".join(rows), comments
 
 
 def size_of(

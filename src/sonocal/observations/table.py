@@ -31,6 +31,9 @@ COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "
 
 ALL_ROWS = slice(None)
 
+# Squares of such times are numbers still; those of clocks that count nanoseconds are far below.
+LATEST_S = 1e30
+
 _DEFAULT: Any = None  # filled in by the constructor
 
 
@@ -167,6 +170,11 @@ class Observations:
             InputError: no row has that split; the sentence names those there are.
         """
         rows = self.split == name
+        if not rows.any() and np.all(self.split == ""):
+            raise InputError(
+                f"{self.source}: no row has split {name!r}; it has no column split: add one that says which part of "
+                "the data a row belongs to"
+            )
         if not rows.any():
             have = ", ".join(repr(str(s)) for s in np.unique(self.split)) or "none"
             raise InputError(f"{self.source}: no row has split {name!r}; the splits in it are {have}")
@@ -180,7 +188,7 @@ class Observations:
             stamps = self.extra["time_s"][rows].astype(float)
         except ValueError:
             return None
-        return stamps if np.all(np.isfinite(stamps)) else None
+        return stamps if np.all(np.abs(stamps) < LATEST_S) else None
 
     def where(self, row: int) -> str:
         """How messages name a row."""
@@ -261,6 +269,8 @@ def _column(what: str, values: ArrayLike, kind: type) -> NDArray[Any]:
         column: NDArray[Any] = given.astype(kind, casting="same_kind" if kind is np.int64 else "unsafe")
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what} must be {word}; {error}") from None
+    if kind is np.int64 and given.dtype.kind == "u" and np.any(column < 0):  # NumPy wraps those too large
+        raise InputError(f"{what} must be {word} below 2^63; got {given.max()}")
     if given.dtype.kind == "O" and (
         odd := [x for x in given.flat if not isinstance(x, (str, int, np.generic))]
     ):

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import read_bytes, write_atomically
+from sonocal.files import path_of, read_bytes, write_atomically
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import (
     csv_text,
     parse_table,
+    without_comments,
 )
-from sonocal.observations.image_size import SIZE_COLUMNS, size_line, size_of, without_comments
+from sonocal.observations.image_size import SIZE_COLUMNS, size_line, size_of
 from sonocal.observations.table import _DEFAULT, SEGMENT_COLUMNS, Observations
 
 __all__ = ["as_file", "observations_csv", "parse_observations", "read_observations", "write_observations"]
@@ -45,7 +47,8 @@ def read_observations(path: str | Path) -> Observations:
             names the file, line and column.
         FormatError: the file is not a CSV table.
     """
-    path = Path(path)
+    path = path_of(path)
+    refuse_other_kind(path, "observations")
     return parse_observations(read_bytes(path), path.name)
 
 

@@ -107,7 +107,7 @@ def health(
     """
     found = [*recording.diagnostics, *_stamps(recording.times)]
     for poses in recording.poses.values():
-        found += _poses(poses)
+        found += _poses(poses, recording)
     found += unit_findings(recording)
     if recording.image is not None:
         found += _image_status(recording)
@@ -163,16 +163,25 @@ def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
         )
 
 
-def _poses(poses: Poses) -> Iterator[Diagnostic]:
+def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
     name, n = poses.plus_name, len(poses)
     invalid = n - int(poses.valid.sum())
     if invalid:
-        runs = longest_run(~poses.valid)
+        runs, moved = longest_run(~poses.valid), int(np.sum(~poses.valid & _moved_out(recording)))
+        because = (
+            f", {moved} of them since the latency takes their images out of the recording" if moved else ""
+        )
+        advice = (
+            "keep the marker in the tracker's view"
+            if moved < invalid
+            else "the latency is in seconds: check it"
+        )
         yield Diagnostic(
             code="invalid-poses",
             severity="warning" if invalid > MANY_INVALID * n else "info",
-            message=f"{name}: {invalid} of {n} poses are invalid ({100 * invalid / n:.0f} %), {runs} in a row at most",
-            advice="such frames are left out; keep the marker in the tracker's view",
+            message=f"{name}: {invalid} of {n} poses are invalid ({100 * invalid / n:.0f} %), {runs} in a row at "
+            f"most{because}",
+            advice=f"such frames are left out; {advice}",
         )
     error = rigidity_error(poses.matrices)
     bent = poses.valid & ~(error <= RIGID_TOLERANCE)
@@ -185,6 +194,12 @@ def _poses(poses: Poses) -> Iterator[Diagnostic]:
             "leave such frames out with --on-invalid skip; find what wrote scale or shear into a pose",
         )
     yield from _stillness(name, poses)
+
+
+def _moved_out(recording: Recording) -> NDArray[np.bool_]:
+    """(N,): images whose poses a latency takes from before or after the recording, where there are none."""
+    at = recording.times + recording.latency_s
+    return np.asarray((at < recording.times.min()) | (at > recording.times.max()))
 
 
 def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:

@@ -103,9 +103,10 @@ def join(
             )
     at = images.times + latency_s
     if at[0] > tracker.times.max() or at[-1] < tracker.times.min():
+        moved = f" after a latency of {latency_s:g} s, which is in seconds" if latency_s else ""
         raise InputError(
             f"{images.name} spans {at.min():.3f} to {at.max():.3f} s and {tracker.name} {tracker.times.min():.3f} to "
-            f"{tracker.times.max():.3f} s: they do not overlap; bring both to one clock"
+            f"{tracker.times.max():.3f} s: they do not overlap{moved}; bring both to one clock"
         )
     poses = {
         name: interpolate_poses(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import DegenerateGeometryError, InputError
+from sonocal.errors import DegenerateGeometryError, InputError, require
 from sonocal.geometry import Array, Similarity, real_array
 from sonocal.registration.options import positive_number
 from sonocal.registration.plane_samples import PlaneSamples, joined_samples, normals_of
@@ -157,7 +157,15 @@ def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float 
 
 
 def rows(*parts: Rows) -> Rows:
-    """All rows of several kinds of correspondence."""
+    """All rows of several kinds of correspondence.
+
+    Raises:
+        InputError: there is none.
+    """
+    if not parts:
+        raise InputError("there is no correspondence to put together; give rows of points, lines or planes")
+    for part in parts:
+        require(part, Rows, "rows of correspondences (see point_line and its like)")
     if len(parts) == 1:
         return parts[0]
     starts = np.cumsum([0, *(len(p) for p in parts)])

@@ -14,7 +14,7 @@ import numpy as np
 from sonocal import _core
 from sonocal.errors import InputError
 
-__all__ = ["Model", "Options", "Weighting", "one_of", "positive_number", "whole_number"]
+__all__ = ["Model", "Options", "Weighting", "one_of", "positive_number", "true_or_false", "whole_number"]
 
 Model = Literal["similarity", "anisotropic"]
 Weighting = Literal["likelihood", "geometric"]
@@ -151,7 +151,7 @@ def positive_number(name: str, value: Any, *, or_infinite: bool = False) -> floa
     number = _as_float(value)
     if not (0 < number <= LARGEST or (or_infinite and number == inf)):
         limit = f" up to {LARGEST:g}" if LARGEST < number < inf else ""
-        raise InputError(f"{name} must be a positive number{limit}; got {str(value)[:60]}")
+        raise InputError(f"{name} must be a positive number{limit}; got {_shown(value)}")
     return number
 
 
@@ -174,5 +174,21 @@ def whole_number(name: str, value: Any, least: int, most: int) -> int:
     if type(value) is int and least <= value <= most:
         return value
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise InputError(f"{name} must be a whole number from {least} to {most}; got {value}")
+        raise InputError(f"{name} must be a whole number from {least} to {most}; got {_shown(value)}")
     return int(value)
+
+
+def true_or_false(name: str, value: Any) -> bool:
+    """A truth, also NumPy's; text and numbers are none.
+
+    Raises:
+        InputError: it is neither True nor False.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError(f"{name} must be True or False; got {value!r}"[:200])
+    return bool(value)
+
+
+def _shown(value: Any) -> str:
+    """What arrived, for a message: that a number is text cannot be seen otherwise."""
+    return f"the text {value[:60]!r}" if isinstance(value, str) else str(value)[:60]

@@ -22,10 +22,10 @@ from sonocal.registration.degeneracy import (
 )
 from sonocal.registration.fit import Fit, transform_of
 from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
-from sonocal.registration.options import Options, Weighting
+from sonocal.registration.options import Options, Weighting, true_or_false
 from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows, to_core
-from sonocal.registration.told import Told, scale_of, weights_of
+from sonocal.registration.told import Told, scale_of, sigmas_of, weights_of
 
 __all__ = ["PARAMETERS", "Registration", "register"]
 
@@ -124,11 +124,11 @@ def register(
     Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
     """
     require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
-    sigmas_mm = None if sigma_mm is None or np.ndim(sigma_mm) == 0 else sigma_mm
+    sigmas_mm = sigmas_of(sigma_mm)
     options = Options.known(
         "similarity",
         weighting,
-        threshold_mm if robust else np.inf,
+        threshold_mm if true_or_false("robust", robust) else np.inf,
         sigma_px,
         sigma_mm if sigmas_mm is None else None,
         confidence,
@@ -136,6 +136,7 @@ def register(
         Options.exhaustive_samples,
         seed,
     )
+    refine = true_or_false("refine", refine)
     _refuse_few(constraints)
     if constraints.lines is not None and refine and scale is None and sigmas_mm is None:
         return _register_lines(constraints, constraints.lines, options)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from sonocal.geometry import Array, real_array
 from sonocal.registration.constraints import Rows
 from sonocal.registration.options import positive_number
 
-__all__ = ["Told", "scale_of", "weights_of"]
+__all__ = ["Told", "scale_of", "sigmas_of", "weights_of"]
 
 # Of two deviations: a correspondence that is surer than another by more than this leaves the other without any say.
 MOST_RATIO = 1e6
@@ -35,6 +36,18 @@ class Told:
         if self.weights is None:
             return None
         return np.repeat(self.weights[chosen], np.diff(rows.first)[chosen])
+
+
+def sigmas_of(sigma_mm: float | ArrayLike | None) -> Array | None:
+    """Deviations of each correspondence; None where there is none, or one for all.
+
+    Raises:
+        InputError: they are no numbers.
+    """
+    if sigma_mm is None or isinstance(sigma_mm, (Real, str)):
+        return None
+    sigmas = real_array("sigma_mm", sigma_mm)
+    return sigmas if sigmas.ndim else None
 
 
 def scale_of(value: float | Array) -> float:

@@ -9,13 +9,12 @@ from sonocal.report.figures import (
     plot_residuals_over_image,
     plot_tilts,
 )
-from sonocal.report.page import is_report_of, report_html
+from sonocal.report.page import report_html
 from sonocal.report.pictures import FrameImage, plot_frame
 from sonocal.report.views3d import plot_frames, plot_needles, plot_weak_motion
 
 __all__ = [
     "FrameImage",
-    "is_report_of",
     "plot_frame",
     "plot_frames",
     "plot_needles",

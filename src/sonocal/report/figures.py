@@ -56,7 +56,7 @@ def plot_predicted_error(
         axis.plot(seen[:, 0], seen[:, 1], ".", color=INK, markersize=2, alpha=0.6)
     _image_axes(axis, calibration)
     where = f", slice w = {(low[2] + high[2]) / 2:.0f} px" if calibration.dimension == 3 else ""
-    axis.set_title(f"Predicted error over the image{where}")
+    axis.set_title(f"Predicted error over the {calibration.area_name}{where}")
 
 
 def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations: Observations) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 import io
 import re
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from importlib.resources import files
 from typing import Any
 
@@ -24,7 +24,7 @@ from sonocal.report.style import DETECTED, RC, TRACKED
 from sonocal.validation import CANNOT_SHOW, Comparison, Validation, cannot_show, give_verdict
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
-__all__ = ["is_report_of", "report_html"]
+__all__ = ["report_html"]
 
 
 def report_html(
@@ -64,7 +64,7 @@ def report_html(
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
     page = template.render(
         title=title,
-        identity=_identity(calibration),
+        source=_source(calibration),
         verdict=give_verdict(calibration, validation),
         cal=calibration,
         validation=validation,
@@ -88,17 +88,6 @@ def report_html(
 def _typeset(sentence: str) -> str:
     """A sentence of the terminal's letters in those of a page."""
     return sentence.replace("+-", "\N{PLUS-MINUS SIGN}")
-
-
-def is_report_of(content: bytes, calibration: Calibration) -> bool:
-    """Whether the content of a file is a report of a calibration."""
-    return f'<meta name="calibration" content="{_identity(calibration)}">'.encode() in content
-
-
-def _identity(calibration: Calibration) -> str:
-    """What two calibrations differ by: the transform, and the table that it rests on."""
-    rests_on = str(calibration.provenance.get("sha256", "")).encode()
-    return hashlib.sha256(calibration.probe_from_image.matrix.tobytes() + rests_on).hexdigest()
 
 
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:
@@ -204,6 +193,12 @@ def _weak_in_words(calibration: Calibration) -> str:
     return describe_motion(motion, calibration.noise.freedom)
 
 
+def _source(calibration: Calibration) -> str:
+    """What was given: a recording, or else the table."""
+    kept = calibration.provenance
+    return str(kept.get("recorded", {}).get("recording", {}).get("input", "") or kept.get("input", ""))
+
+
 def _provenance(calibration: Calibration, validation: Validation | None) -> list[tuple[str, str]]:
     kept = calibration.provenance
     rows = [("fitted to", str(kept.get("input", ""))), ("its SHA-256", str(kept.get("sha256", "")))]
@@ -217,4 +212,5 @@ def _provenance(calibration: Calibration, validation: Validation | None) -> list
     rows += [(f"version of {name}", str(value)) for name, value in kept.get("versions", {}).items()]
     if validation is not None and validation.source and validation.sha256 != kept.get("sha256"):
         rows += [("validated with", validation.source), ("its SHA-256", validation.sha256)]
+    rows.append(("page written by", f"sonocal {version('sonocal')}"))
     return [(name, value) for name, value in rows if value]

@@ -144,7 +144,7 @@ def calibrate_chosen(
         "no candidate or no pose": total - table.count,
         "no candidate near the needle": table.count - used,
     }
-    calibration = calibration.with_findings([_report(used, total, reasons), *twin_findings(twin)])
+    calibration = calibration.with_findings([_report(table, used, total, reasons), *twin_findings(twin)])
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
 
 
@@ -296,24 +296,30 @@ def _least_agreeing(table: Candidates, total: int) -> float:
     return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), share * total)
 
 
-def _report(used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
+def _report(table: Candidates, used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
     why = ", ".join(f"{count} with {reason}" for reason, count in reasons.items() if count)
     few = used < ENOUGH * total
     return Diagnostic(
         code="images-used",
         severity="warning" if few else "info",
-        message=f"{used} of {total} sightings took part" + (f"; left out were {why}" if why else ""),
+        message=f"{used} of {total} {_counted(table)} took part" + (f"; left out were {why}" if why else ""),
         advice="look at the contact sheet; raise the scanner's gain and keep the needle across the beam"
         if few
         else "nothing, if the needle was out of view for that share of the time",
     )
 
 
+def _counted(table: Candidates) -> str:
+    """What the numbers of a recording count: an image shows one needle once, and several wires each once."""
+    return "images" if len(np.unique(table.rows.target)) == 1 else "sightings"
+
+
 def _nothing_found(table: Candidates, total: int, best: int) -> NoConsensusError:
     table.refuse_mirrored(best, _least_agreeing(table, total))
+    images = len(np.unique(table.rows.frame))
     return NoConsensusError(
-        f"{table.rows.source}: no calibration agrees with more than {best} of {total} images; {len(table)} "
-        f"candidates in {table.count} images were tried, and so few agree by chance; check in the contact sheet that "
-        "the needle is visible and marked",
+        f"{table.rows.source}: no calibration agrees with more than {best} of {total} {_counted(table)}; "
+        f"{len(table)} candidates in {images} images were tried, and so few agree by chance; check in the contact "
+        "sheet that the needle is visible and marked",
         best_count=best,
     )

@@ -25,6 +25,13 @@ VIEWS: dict[int, tuple[tuple[int | None, list[int]], ...]] = {
     3: ((0, [0, 1]), (2, [2, 1])),
 }
 
+# Digits 0 to 9, five rows of three pixels each, and how many pixels of the sheet one of theirs takes.
+DIGITS = (
+    *("111101101101111", "010110010010111", "111001111100111", "111001111001111", "101101111001001"),
+    *("111100111001111", "111100111101111", "111001010010010", "111101111101111", "111101111001111"),
+)
+DIGIT_PX = 2
+
 Mark = tuple[Array, tuple[int, int, int]]
 """Points (P, D) px and their colour."""
 
@@ -34,8 +41,8 @@ def contact_sheet(
 ) -> Pixels:
     """Images spread over a recording with detections marked: orange, yellow the best, green the chosen one.
 
-    A volume shows as the brightest voxels seen from the front, along w, and from the side, along u, with its lines
-    dotted.
+    Each bears its frame's number. A volume shows as the brightest voxels seen from the front, along w, and from the
+    side, along u, with its lines dotted.
 
     Args:
         recording: images.
@@ -78,7 +85,19 @@ def _tile(recording: Recording, marks: list[Mark], index: int) -> Pixels:
     step = max(grey.shape) * len(VIEWS[dimension]) / TILE_PX
     views = [_view(grey, marks, step, along, axes) for along, axes in VIEWS[dimension]]
     height = max(view.shape[0] for view in views)
-    return np.hstack([np.pad(view, ((0, height - view.shape[0]), (0, 0), (0, 0))) for view in views])
+    tile = np.hstack([np.pad(view, ((0, height - view.shape[0]), (0, 0), (0, 0))) for view in views])
+    _number(tile, index)
+    return tile
+
+
+def _number(tile: Pixels, index: int) -> None:
+    """The frame's number at the lower left, white on black; an image too small for it goes without."""
+    glyphs = [np.array([*DIGITS[int(digit)]], dtype=np.uint8).reshape(5, 3) for digit in str(index)]
+    line = np.pad(np.hstack([np.pad(glyph, ((1, 1), (1, 0))) for glyph in glyphs]), ((0, 0), (0, 1)))
+    pixels = np.kron(line, np.full((DIGIT_PX, DIGIT_PX), 255, dtype=np.uint8))
+    height, width = pixels.shape
+    if 2 * height <= tile.shape[0] and width <= tile.shape[1]:
+        tile[-1 - height : -1, :width] = pixels[:, :, None]
 
 
 def _view(

@@ -16,6 +16,7 @@ from sonocal.errors import InputError
 from sonocal.observations.image_size import size_in_words
 from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
+from sonocal.registration.options import true_or_false
 from sonocal.sweep.tabulate import Fixed, Posing, check_posing
 from sonocal.targets import Line
 
@@ -116,8 +117,7 @@ class Options(PointsOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_detection_options(self.count, self.mask, self.centre)
-        if not isinstance(self.second_look, (bool, np.bool_)):
-            raise InputError(f"second_look must be True or False; got {self.second_look!r}")
+        true_or_false("second_look", self.second_look)
 
     @classmethod
     def for_lines(cls, recording: Recording, lines: Sequence[Line], **keywords: Any) -> Self:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,6 +19,7 @@ from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Poses, Recording
+from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.late import lag_finding, spoiling_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
@@ -235,32 +236,3 @@ def _changed(poses: Poses, change: Callable[[Array], Array]) -> Array:
     matrices = poses.matrices.copy()
     matrices[poses.valid] = change(matrices[poses.valid])
     return matrices
-
-
-def _transposed(matrices: Array) -> Array:
-    changed = matrices.copy()
-    changed[:, :3, :3] = np.swapaxes(matrices[:, :3, :3], 1, 2)
-    return changed
-
-
-def _reordered(order: Iterable[int]) -> Callable[[Array], Array]:
-    """Rotations whose quaternions (w, x, y, z) are read in another order."""
-
-    def change(matrices: Array) -> Array:
-        from scipy.spatial.transform import Rotation
-
-        wxyz = np.roll(Rotation.from_matrix(matrices[:, :3, :3]).as_quat(), 1, axis=1)
-        changed = matrices.copy()
-        changed[:, :3, :3] = Rotation.from_quat(np.roll(wxyz[:, list(order)], -1, axis=1)).as_matrix()
-        return changed
-
-    return change
-
-
-CHANGES: dict[str, Callable[[Array], Array]] = {
-    "inverted": lambda matrices: np.asarray(np.linalg.inv(matrices)),
-    "turned the other way (their rotations transposed)": _transposed,
-    "read with the scalar of their quaternions last": _reordered([3, 0, 1, 2]),
-    "read with the scalar of their quaternions first": _reordered([1, 2, 3, 0]),
-}
-"""What poses may be instead: the rest of each is as it was."""

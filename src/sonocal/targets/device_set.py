@@ -11,9 +11,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from sonocal.errors import InputError
-from sonocal.files import read_text
+from sonocal.files import path_of
 from sonocal.files.kinds import Format
-from sonocal.files.xml import parse_xml
+from sonocal.files.xml import parse_xml, read_xml
 from sonocal.geometry import Array
 from sonocal.targets.lines import (
     Line,
@@ -22,7 +22,6 @@ from sonocal.targets.lines import (
 
 __all__ = ["FORMAT", "DeviceSet", "Stated", "read_device_set"]
 
-SIZE_LIMIT = 16 << 20
 # Of a determinant, as a share of the product of the columns' lengths: less is a plane.
 FLAT = 1e-9
 
@@ -63,12 +62,12 @@ def read_device_set(path: str | Path) -> DeviceSet:
     """Read a PLUS device set.
 
     Raises:
-        FormatError: the file is not XML, or holds entities or a document type, which device sets never
+        FormatError: the file is not XML in UTF-8, or holds entities or a document type, which device sets never
             need and attacks do.
         InputError: it is another XML document, or a matrix or wire in it is wrong.
     """
-    path = Path(path)
-    root = parse_xml(path.name, read_text(path, "a PLUS device set", SIZE_LIMIT), "device set")
+    path = path_of(path)
+    root = parse_xml(path.name, read_xml(path))
     if root.tag != "PlusConfiguration":
         raise InputError(
             f"{path.name}: its root is <{str(root.tag)[:40]}> where a PLUS device set has <PlusConfiguration>"

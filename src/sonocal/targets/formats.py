@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sonocal.errors import InputError
+from sonocal.files import path_of
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.kinds import Format, Head, recognise
 from sonocal.geometry import Array
 from sonocal.targets import device_set, toml_file
@@ -25,7 +27,8 @@ def read_lines(path: str | Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, s
     Raises:
         InputError: the file holds no line.
     """
-    path = Path(path)
+    path = path_of(path)
+    refuse_other_kind(path, "targets", "device set")
     if recognise(Head.of(path), FORMATS) is not device_set.FORMAT:
         return toml_file.read_lines_toml(path), {}
     devices = device_set.read_device_set(path)

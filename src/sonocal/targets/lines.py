@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 
 import numpy as np
 
@@ -65,6 +66,11 @@ def require_lines(lines: object) -> None:
     Raises:
         InputError: it is something else.
     """
+    if isinstance(lines, (str, PurePath)):
+        raise InputError(
+            f"a list of lines is needed; got the name {str(lines)[:80]!r}: read them from the file with "
+            "lines, fixed = sonocal.targets.read_lines(name)"
+        )
     require(lines, Sequence, "a list of lines (see read_lines)")
     assert isinstance(lines, Sequence)
     for line in lines:

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import write_atomically
+from sonocal.files import path_of, write_atomically
 from sonocal.files.kinds import Format, Head
 from sonocal.files.toml import read_toml_text
 from sonocal.geometry import Array
@@ -67,7 +67,7 @@ def read_targets(path: str | Path) -> Targets:
         FormatError: the file is not TOML.
         InputError: a table lacks something, a name stands twice, or there is neither a line nor a point.
     """
-    path = Path(path)
+    path = path_of(path)
     document = _document(path)
     points = _points(path.name, document)
     return Targets(() if points and "line" not in document else _lines(path.name, document), points)
@@ -80,7 +80,7 @@ def read_lines_toml(path: str | Path) -> tuple[Line, ...]:
         FormatError: the file is not TOML.
         InputError: a line lacks something, or a name stands twice.
     """
-    path = Path(path)
+    path = path_of(path)
     return _lines(path.name, _document(path))
 
 
@@ -91,7 +91,7 @@ def read_points_toml(path: str | Path) -> tuple[Point, ...]:
         FormatError: the file is not TOML.
         InputError: a point lacks something.
     """
-    path = Path(path)
+    path = path_of(path)
     return _points(path.name, _document(path))
 
 

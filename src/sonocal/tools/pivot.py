@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sonocal.errors import NoConsensusError
+from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.tools import pivot_fit as fit
 from sonocal.tools.poses import (
     LEAST_POSES,
@@ -36,6 +37,9 @@ GOOD_RMS_MM = 1.0
 GOOD_INLIERS = 0.7
 # A tip that half of the poses miss by more than this did not rest anywhere.
 LOOSEST_MM = 5.0
+REST = "rest the tip in one divot throughout"
+# Of poses that were meant as something else, share a tip as that.
+MOST_SHARE = 0.8
 PARTS = 3
 
 
@@ -96,7 +100,7 @@ def calibrate_pivot(
     solution, agrees = fit.settled(rotations, places, *fit.reweighted(rotations, places, start))
     residuals = fit.residuals(rotations, places, solution)
     distance = np.linalg.norm(residuals, axis=1)
-    _refuse_discord(distance, source)
+    _refuse_discord(distance, poses[used], source)
     spread = rotation_spread_deg(rotations[agrees])
     refuse_little_tilt(rotations[agrees], spread, source)
     inlier = np.zeros(len(poses), dtype=bool)
@@ -117,14 +121,30 @@ def calibrate_pivot(
     )
 
 
-def _refuse_discord(distance: Array, source: str) -> None:
+def _refuse_discord(distance: Array, poses: Array, source: str) -> None:
     close = int((distance <= LOOSEST_MM).sum())
     if 2 * close < len(distance):
+        how = _mistaken(poses, source)
+        remedy = f"they do when they are {how}: write them as they are meant" if how else REST
         raise NoConsensusError(
-            f"{source}: only {close} of {len(distance)} poses share a tip within {LOOSEST_MM:g} mm; "
-            "rest the tip in one divot throughout",
+            f"{source}: only {close} of {len(distance)} poses share a tip within {LOOSEST_MM:g} mm; {remedy}",
             close,
         )
+
+
+def _mistaken(poses: Array, source: str) -> str | None:
+    """What poses that share no tip may be meant as, in words: what most of them share one as."""
+    for how, change in CHANGES.items():
+        changed = change(poses)
+        rotations, places = changed[:, :3, :3], changed[:, :3, 3]
+        try:
+            tip = fit.least_median(rotations, places, np.random.default_rng(0), source)
+        except DegenerateGeometryError:
+            continue
+        distance = np.linalg.norm(fit.residuals(rotations, places, tip), axis=1)
+        if np.mean(distance <= LOOSEST_MM) > MOST_SHARE:
+            return how
+    return None
 
 
 def _findings(

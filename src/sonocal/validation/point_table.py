@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files import read_bytes
+from sonocal.files import path_of, read_bytes
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import (
     csv_text,
     parse_table,
@@ -133,7 +134,8 @@ def read_point_sightings(path: str | Path) -> PointSightings:
     Raises:
         InputError, FormatError: the sentence names the file, line and column.
     """
-    path = Path(path)
+    path = path_of(path)
+    refuse_other_kind(path, "known points", "points")
     return parse_point_sightings(read_bytes(path), path.name)
 
 

@@ -84,7 +84,10 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
     below = calibration.predicted_errors()[2]
     expectation = expected_errors(calibration, below)
     if any(code in BEYOND_PREDICTED for code, _ in why):
-        expectation += " What was measured says otherwise."
+        # Not "expect": nobody should take home a number that was measured to be wrong.
+        expectation = (
+            f"What was measured contradicts the predicted errors of up to {below[:-1].max():.1f} mm (95 %)."
+        )
     tolerance = calibration.options.tolerance_mm
     hopeless = is_far_off(calibration, float(below[:-1].max()))
     if hopeless:

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from sonocal import InputError, UnsupportedError
+from sonocal import FormatError, InputError, UnsupportedError
 from sonocal.recording.formats import read_recording, write_recording
 from tests.builders.recordings import assert_same, random_recording
 from tests.builders.sound import SOUND
@@ -16,9 +16,7 @@ def test_files_of_other_kinds_are_refused(tmp_path):
     (tmp_path / "a.xml").write_text("<PlusConfiguration/>")
     (tmp_path / "a.bin").write_bytes(b"\x00\x01\x02")
     (tmp_path / "a.mha").write_bytes(b"")
-    with pytest.raises(
-        UnsupportedError, match="is XML, not a recording; a PLUS device set is given with --lines"
-    ):
+    with pytest.raises(FormatError, match=r"^a\.xml: is a device set of PLUS; give it with --lines"):
         read_recording(tmp_path / "a.xml")
     with pytest.raises(
         UnsupportedError, match=r"is binary data and not a recording that sonocal reads; it reads \.mha, "

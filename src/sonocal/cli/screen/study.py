@@ -15,9 +15,9 @@ def print_study(study: Study, rows: list[Row]) -> None:
     """Answers, and a table of each quantity of the figure."""
     console = Terminal(highlight=False)
     if study.question:
-        console.print(study.question, style="bold", soft_wrap=True)
+        console.print(study.question, style="bold", markup=False)
     for sentence in answer_sentences(study, rows):
-        console.print(sentence, soft_wrap=True)
+        console.print(sentence, markup=False)
     statistic = study.figure.statistic if study.figure.form == "curves" else "median"
     for quantity in study.figure.quantities:
         console.print(_table(study, rows, quantity, statistic))

@@ -1,4 +1,4 @@
-"""What `sonocal validate` shows: the verdict, the numbers with their meaning, the comparison, the findings."""
+"""What `sonocal validate` shows: warnings, the verdict, the numbers with their meaning, the comparison."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ __all__ = ["print_point_sightings", "print_validation"]
 def print_validation(
     console: Console, calibration: Calibration, validation: Validation, comparison: Comparison | None = None
 ) -> None:
-    """Verdict, numbers, comparison, findings."""
+    """Warnings, verdict, numbers, comparison, findings."""
+    findings = [*calibration.diagnostics, *validation.diagnostics]
+    print_findings(console, findings, "warning")
     console.print(verdict_text(give_verdict(calibration, validation)))
     console.print()
     if validation.quantities:
@@ -37,7 +39,7 @@ def print_validation(
         console.print()
         console.print(_comparison(comparison))
     console.print(standing(calibration))
-    print_findings(console, [*calibration.diagnostics, *validation.diagnostics])
+    print_findings(console, findings, "info")
 
 
 def print_point_sightings(console: Console, points: PointSightings) -> None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
+from sonocal.files import path_of
+from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
 from sonocal.recording.formats import (
     dicom,
@@ -67,10 +69,10 @@ def read_recording(
         InputError: it cannot be read; the sentence says what, where and the remedy.
         UnsupportedError: it is a kind of file that sonocal does not read.
     """
-    path = Path(path)
+    path = path_of(path)
     found = _recognised(path)
     images: Recording = found.read(path)
-    tracker = Path(poses) if poses is not None else None if images.poses else _poses_beside(path, found)
+    tracker = path_of(poses) if poses is not None else None if images.poses else _poses_beside(path, found)
     if tracker is None:
         return with_latency(images, latency_s, on_invalid=on_invalid)
     if tracker.is_dir() and not rosbag.is_bag_folder(tracker):
@@ -87,7 +89,7 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     Raises:
         UnsupportedError: the name ends otherwise.
     """
-    path = Path(path)
+    path = path_of(path)
     for one in FORMATS:
         if one.write is not None and path.suffix.lower() in one.writes:
             one.write(recording, path, compress)
@@ -109,10 +111,8 @@ def _recognised(path: Path) -> Format:
     if not path.is_dir() and not head.content.strip():
         raise InputError(f"{path.name}: is empty; record it again")
     found = recognise(head, FORMATS)
-    if found is None and head.text.startswith(b"<"):
-        raise UnsupportedError(
-            f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines"
-        )
+    if found is None or not found.sniff(head):  # else it is one, whatever else it might pass for
+        refuse_other_kind(path, "recording")
     if found is None:
         raise UnsupportedError(
             f"{path.name}: is {head.looks_like} and not a recording that sonocal reads; it reads "

@@ -64,7 +64,7 @@ def _remove(home: Home) -> None:
 
 
 def _recording(home: Home) -> Recording:
-    root = parse_xml(home.name, home.document, "scene of 3D Slicer")
+    root = parse_xml(home.name, home.document.encode(), "scene of 3D Slicer")
     if root.tag != "MRML":
         raise InputError(f"{home.name}: its root is <{str(root.tag)[:40]}> where {WHAT} has <MRML>")
     parts = [_read(home, name) for name in _files(home, root)]

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sonocal.errors import UnsupportedError
-from sonocal.files import writing
+from sonocal.files import path_of, writing
 from sonocal.recording.formats.parts.item_lines import item_lines
 from sonocal.recording.formats.parts.metaio_header import ELEMENT_TYPES, FIELD, STRUCTURE
 from sonocal.recording.formats.parts.written import (
@@ -43,7 +43,7 @@ def write_metaio(recording: Recording, path: str | Path, compress: bool = True) 
         InputError: a field cannot stand in a header, or the file cannot be written; nothing is left half
             written.
     """
-    path = Path(path)
+    path = path_of(path)
     compress = compress and recording.image is not None
     if path.suffix.lower() == ".mhd":
         data = path.with_suffix(".zraw" if compress else ".raw")

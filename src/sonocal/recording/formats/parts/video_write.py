@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sonocal.errors import InputError
-from sonocal.files import writing
+from sonocal.files import path_of, writing
 from sonocal.recording.formats.parts.packages import needed
 from sonocal.recording.formats.parts.pose_csv_write import pose_table
 from sonocal.recording.formats.parts.written import pixels_of
@@ -46,7 +46,7 @@ def write_video(recording: Recording, path: str | Path, compress: bool = True) -
         InputError: it has no images of 8 bits, or its stamps are no ms that increase; nothing is left half written.
         UnsupportedError: PyAV is not installed.
     """
-    path = Path(path)
+    path = path_of(path)
     av = needed("av", path, "videos need PyAV")
     _check_images(recording)
     stamps = _stamps(recording)

@@ -1,0 +1,86 @@
+"""What a file is that was given in another's place: told by its first bytes, without the readers of either."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from sonocal.errors import FormatError
+from sonocal.files.kinds import Head, Kind
+
+__all__ = ["NAMES", "USES", "is_known_points", "is_observations", "is_points", "refuse_other_kind"]
+
+NAMES: dict[Kind, str] = {
+    "calibration": "a JSON file",
+    "device set": "a device set of PLUS",
+    "known points": "a table of points whose place is known",
+    "matrix": "a matrix, such as a calibration of other software",
+    "observations": "a table of sightings",
+    "points": "a table of points found in images",
+    "recording": "a recording",
+    "targets": "a file of needles, wires or points",
+}
+USES: dict[Kind, str] = {
+    "calibration": "a calibration is read by sonocal.load, and by sonocal info, validate and export",
+    "device set": "give it with --lines (in Python: targets.read_lines)",
+    "known points": "give it to sonocal validate (in Python: validation.read_point_sightings)",
+    "matrix": "give it to sonocal info, validate or export (in Python: existing.read_existing)",
+    "observations": "give it to sonocal calibrate alone, it has its lines in it (in Python: read_observations)",
+    "points": "give it to sonocal calibrate with --points, beside its recording (in Python: detection.read_detections)",
+    "recording": "give it to sonocal calibrate with --lines (in Python: read_recording)",
+    "targets": "give it with --lines (in Python: targets.read_lines)",
+}
+# Ends of a line that was seen: with a unit as they should have, or with another or none.
+END = re.compile(r"[xyz][01](_\w*)?")
+
+
+def is_observations(head: Head) -> bool:
+    """Whether it is a table of sightings, be it one whose columns are misnamed."""
+    return any(END.fullmatch(column) for column in head.columns)
+
+
+def is_points(head: Head) -> bool:
+    """Whether it is a table of points found in images."""
+    return _has_points(head) and not _has_known_place(head)
+
+
+def is_known_points(head: Head) -> bool:
+    """Whether it is a table of points whose place is known."""
+    return _has_points(head) and _has_known_place(head)
+
+
+def refuse_other_kind(path: Path, *wanted: Kind) -> None:
+    """Raise if a file is plainly of another kind than its reader reads; what is damaged is left to the reader.
+
+    Args:
+        path: a file; of a directory its reader speaks.
+        *wanted: what the reader reads.
+
+    Raises:
+        FormatError: it is of another kind; the sentence says which, and who takes it.
+        InputError: it cannot be read.
+    """
+    kind = None if path.is_dir() else _plain_kind(Head.of(path))
+    if kind is not None and kind not in wanted:
+        raise FormatError(f"{path.name}: is {NAMES[kind]}; {USES[kind]}")
+
+
+def _plain_kind(head: Head) -> Kind | None:
+    signs: dict[Kind, bool] = {
+        "observations": is_observations(head),
+        "known points": is_known_points(head),
+        "points": is_points(head),
+        "targets": head.suffix == ".toml" and head.text.startswith((b"[", b"#")),
+        "calibration": head.text.startswith(b"{"),
+        "device set": b"<PlusConfiguration" in head.text,
+        "recording": head.text.startswith((b"NRRD0", b"ObjectType", b"NDims")),
+    }
+    return next((kind for kind, shown in signs.items() if shown), None)
+
+
+def _has_points(head: Head) -> bool:
+    return "u_px" in head.columns and not is_observations(head)
+
+
+def _has_known_place(head: Head) -> bool:
+    return not {"x_mm", "probe_00"}.isdisjoint(head.columns)
