@@ -183,10 +183,13 @@ def test_sniffing_any_bytes_gives_a_format_or_a_sentence(tmp_path_factory, conte
     path = tmp_path_factory.mktemp("any") / f"file{suffix}"
     path.write_bytes(content)
     head = Head.of(path)
-    assert head.looks_like in ("an empty file", "binary data", "XML", "text")
+    assert head.looks_like in ("an empty file", "binary data", "XML", "text") or head.container
     found = recognise(head, FORMATS)
     if found is None:
-        with pytest.raises(SonocalError, match="in no format that sonocal reads; it reads "):
+        with pytest.raises(
+            SonocalError,
+            match=r"in no format that sonocal reads; it reads |where a header must name the columns",
+        ):
             format_of(path)
     else:
         assert found.sniff(head) or suffix in found.suffixes

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
+from sonocal.recording.formats.registry import refuse_table
 from sonocal.targets.formats import FORMATS as TARGETS
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def format_of(path: Path) -> Format:
     head = Head.of(path)
     if found := recognise(head, FORMATS):
         return found
+    refuse_table(head)
     raise UnsupportedError(
         f"{path.name}: is {head.looks_like} in no format that sonocal reads; it reads {_what_is_read()}"
     )

@@ -71,19 +71,51 @@ def test_bad_tables_are_refused(tmp_path, text, sentence):
     assert str(caught.value) == sentence
 
 
+QUATERNION = ("qw", "qx", "qy", "qz", "x", "y", "z")
+
+
+@pytest.mark.parametrize(
+    ("columns", "example"),
+    [
+        (8, "time_s,Probe_x,Probe_y,Probe_z,Probe_qx,Probe_qy,Probe_qz,Probe_qw"),
+        (17, "time_s," + ",".join(f"Probe_m{i}{j}" for i in range(4) for j in range(4))),
+    ],
+)
+@pytest.mark.parametrize("separator", ",; ")
+def test_a_missing_header_is_named_and_one_is_shown(tmp_path, columns, example, separator):
+    if (columns, separator) == (8, " "):
+        columns = 9  # eight numbers between blanks are a TUM trajectory
+    (tmp_path / "a.csv").write_text(2 * (separator.join(["0.5"] * columns) + "\n"))
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "a.csv")
+    assert str(caught.value) == (
+        f"a.csv, line 1: holds {columns} numbers where a header must name the columns; put it above them, such as "
+        f"{example}, in the order that your columns have"
+    )
+
+
+def test_blanks_between_columns_are_named(tmp_path):
+    (tmp_path / "a.csv").write_text("t " + " ".join(QUATERNION) + "\n0 1 0 0 0 1 2 3\n")
+    with pytest.raises(InputError, match=r"a\.csv, line 1: has blanks between its columns; write commas, "):
+        read_recording(tmp_path / "a.csv")
+
+
 SEEDS = st.integers(0, 2**32)
 FORMS = ("cells", "matrix", "quaternion", "metres")
 
 
 @st.composite
 def spellings(draw):
-    """How a program may spell one and the same table: order of columns, quotes, line ends, a mark, blank lines."""
+    """How a program may spell one and the same table: order of columns, quotes, line ends,
+    a mark, UTF-16, blank lines, separator, decimal comma."""
     return {
         "order": draw(st.randoms(use_true_random=False)),
         "quoting": draw(st.sampled_from([csv.QUOTE_MINIMAL, csv.QUOTE_ALL])),
         "end": draw(st.sampled_from(["\n", "\r\n"])),
-        "mark": draw(st.sampled_from(["", "\ufeff"])),
         "blank": draw(st.booleans()),
+        "separator": draw(st.sampled_from(",;\t")),
+        "decimal_comma": draw(st.booleans()),
+        "encoding": draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16"])),
     }
 
 
@@ -95,9 +127,13 @@ def respelt(path, how):
     table = [[row[i] for i in order] for row in (header, *rows)]
     if how["blank"]:
         table.insert(2, [])
-    with path.open("w", newline="") as file:
-        file.write(how["mark"])
-        csv.writer(file, quoting=how["quoting"], lineterminator=how["end"]).writerows(table)
+    if how["decimal_comma"] and how["separator"] != ",":
+        table[1:] = [[cell.replace(".", ",") for cell in row] for row in table[1:]]
+    with path.open("w", newline="", encoding=how["encoding"]) as file:
+        writer = csv.writer(
+            file, delimiter=how["separator"], quoting=how["quoting"], lineterminator=how["end"]
+        )
+        writer.writerows(table)
 
 
 @pytest.mark.parametrize("form", FORMS)

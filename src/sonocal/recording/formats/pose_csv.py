@@ -31,7 +31,7 @@ from sonocal.recording.formats.parts.sequence_fields import TRANSFORM
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
 
-__all__ = ["FORMAT", "TIME_COLUMNS", "read_pose_csv"]
+__all__ = ["FORMAT", "POSE_COLUMN", "TIME_COLUMNS", "example_header", "read_pose_csv"]
 
 TIME_COLUMNS = ("Timestamp", "timestamp", "time_s", "Time (Seconds)", "time", "t")
 
@@ -39,6 +39,12 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 MATRIX = tuple(f"m{i}{j}" for i in range(4) for j in range(4))
 NO_TOOL = "Tool"
 POSE_COLUMN = re.compile(rf"(.*_)?(qw|m00)|{TRANSFORM.pattern}")
+
+
+def example_header(count: int) -> str:
+    """A header for so many columns of one tool: of a matrix where that many are one, else of place and quaternion."""
+    names = MATRIX[: count - 1] if count in (13, 17) else ("x", "y", "z", "qx", "qy", "qz", "qw")
+    return ",".join(["time_s", *(f"Probe_{name}" for name in names)])
 
 
 def read_pose_csv(path: Path) -> Recording:
@@ -89,14 +95,21 @@ def _from_cells(table: Table, column: str, source: str, target: str) -> Poses:
     for row, cell in enumerate(table.columns[column]):
         if not cell.strip():
             continue
-        words = re.split(r"[\s;,]+", cell.strip())
         try:
-            matrices[row] = np.array([float(word) for word in words]).reshape(4, 4)
+            matrices[row] = np.array([float(word) for word in _words(cell)]).reshape(4, 4)
         except ValueError:
             raise InputError(
                 f"{table.name}, line {table.lines[row]}, column {column}: {cell.strip()[:40]!r} is not 16 numbers"
             ) from None
     return _with_status(table, Poses.of(source, target, matrices), column + "Status")
+
+
+def _words(cell: str) -> list[str]:
+    """The numbers in a cell; a comma between digits is a decimal one where blanks separate all of them."""
+    words = [word.strip(",;") for word in cell.split()]
+    if len(words) == 16 and "." not in cell:
+        return [word.replace(",", ".") for word in words]
+    return re.split(r"[\s;,]+", cell.strip())
 
 
 def _from_matrix_columns(table: Table, prefix: str) -> Poses:

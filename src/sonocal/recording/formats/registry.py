@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sonocal.errors import InputError, UnsupportedError
+from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
 from sonocal.recording.formats import dicom, image, image_folder, metaio, motive, nrrd, pose_csv, video
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
 
-__all__ = ["FORMATS", "read_recording", "write_recording"]
+__all__ = ["FORMATS", "read_recording", "refuse_table", "write_recording"]
 
 # In the order of the documentation. What no format claims by its content goes to the first that its name fits.
 FORMATS: tuple[Format, ...] = (
@@ -78,11 +78,30 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     )
 
 
+def refuse_table(head: Head) -> None:
+    """Raise if a file that no format claims is a table of which only the first line is wrong.
+
+    Raises:
+        FormatError: it has no header, or blanks between its columns.
+    """
+    if head.lacks_header:
+        raise FormatError(
+            f"{head.path.name}, line 1: holds {len(head.words)} numbers where a header must name the columns; put it "
+            f"above them, such as {pose_csv.example_header(len(head.words))}, in the order that your columns have"
+        )
+    if len(head.columns) == 1 and any(pose_csv.POSE_COLUMN.fullmatch(word) for word in head.words):
+        raise FormatError(
+            f"{head.path.name}, line 1: has blanks between its columns; write commas, semicolons or tabs there"
+        )
+
+
 def _recognised(path: Path) -> Format:
     head = Head.of(path)
     if not path.is_dir() and not head.content.strip():
         raise InputError(f"{path.name}: is empty; record it again")
     found = recognise(head, FORMATS)
+    if found is None or not found.sniff(head):
+        refuse_table(head)
     if found is None and head.text.startswith(b"<"):
         raise UnsupportedError(
             f"{path.name}: is XML, not a recording; a PLUS device set is given with --lines"
