@@ -125,7 +125,7 @@ def separator_of(text: str) -> str:
     """What separates the cells of a table: comma, semicolon or tab, by its first line that is not blank."""
     start = len(text) - len(text.lstrip())
     end = text.find("\n", start)
-    line = QUOTED.sub("", text[start:] if end < 0 else text[start:end])
+    line = QUOTED.sub("quoted", text[start:] if end < 0 else text[start:end])
     counts = {separator: line.count(separator) for separator in "\t;"}
     counts[","] = DECIMAL_COMMA.sub("", line).count(",")
     if not any("\t" in cell.strip() for cell in line.split(",")):
