@@ -72,6 +72,8 @@ CODES = {
     "orientation-unknown": "the file does not say how images are oriented",
     "orientation-changed": "images were turned to u right, v down",
     "motive-axes": "Motive's world has Y up",
+    "time-unit": "times are not in seconds",
+    "marker-fit": "how well markers fit a rigid body",
     # tools
     "repeated-poses": "poses repeat others to the last digit",
     "little-tilt": "the tool was hardly tilted",

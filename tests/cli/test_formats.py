@@ -216,9 +216,12 @@ def test_the_page_of_formats_has_the_table_of_the_registry():
         assert "|" not in "".join((one.name, one.holds, one.header, *one.suffixes, *one.needs))
 
 
-def test_the_packages_a_format_needs_are_those_of_the_extra():
+def test_the_packages_a_format_needs_are_those_of_the_extras():
     project = (Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8")
-    extra = project.partition("\nio = [")[2].partition("\n]")[0]
+    extra = (
+        project.partition("\nio = [")[2].partition("\n]")[0]
+        + project.partition("\nc3d = [")[2].partition("\n")[0]
+    )
     assert all(f'"{package}>=' in extra for one in FORMATS for package in one.needs)
 
 

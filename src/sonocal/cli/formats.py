@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
+from sonocal.recording.formats import pose_csv
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
 from sonocal.recording.formats.registry import refuse_table
 from sonocal.targets.formats import FORMATS as TARGETS
@@ -124,8 +125,12 @@ def _what_is_read() -> str:
     plain = [one for one in FORMATS if not one.header]
     kinds = dict.fromkeys(one.kind for one in plain)
     files = [f"{_plural(kind)} ({suffixes_of(one for one in plain if one.kind == kind)})" for kind in kinds]
-    tables = [f"{one.header} ({one.name})" for one in FORMATS if one.header]
-    return f"{', '.join(files)}, folders of images, and tables with {'; '.join(tables)}"
+    tables = [one for one in FORMATS if one.header]
+    free = [
+        f"{one.header} ({one.name})" for one in tables if one.kind != "recording" or one is pose_csv.FORMAT
+    ]
+    logs = [one.name for one in tables if one.kind == "recording" and one is not pose_csv.FORMAT]
+    return f"{', '.join(files)}, folders of images, logs of trackers ({', '.join(logs)}), and tables with {'; '.join(free)}"
 
 
 _KINDS: dict[Kind, str] = {

@@ -13,6 +13,7 @@ from sonocal.cli.options import (
     typed,
 )
 from sonocal.cli.outputs import reserve
+from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say
 from sonocal.cli.told import refuse_units, unit_doubts
 from sonocal.errors import InputError, SonocalError
@@ -33,7 +34,7 @@ __all__ = [
 ]
 
 TABLE, SHEET, REFUSED_SHEET = "observations.csv", "contact-sheet.png", "refused-contact-sheet.png"
-OF_DETECTION, FILES = ("count", "centre", "mask"), ("points", "poses", "mask")
+OF_DETECTION, FILES = ("count", "centre", "mask"), ("points", "poses", "markers", "mask")
 BY_DATA = ("threshold_mm", "weighting")
 """Left to what suits lines and images, unless asked for: lines that are close to one another ask for less."""
 
@@ -61,13 +62,12 @@ def from_recording(
     """
     from sonocal.cli.formats import kind_of, lines_in
     from sonocal.observations.table_file import as_file
-    from sonocal.recording.formats import read_recording
 
     if kind_of(source) == "observations":
         raise InputError(
             f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
         )
-    recording = read_recording(source, recorded["poses"], recorded["latency_s"], recorded["on_invalid"])
+    recording = read_given(source, recorded)
     known, fixed = lines_in(lines)
     refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
     refuse_units(lines.name, unit_doubts(lines=known), accepted=recorded["accept_units"])
@@ -138,7 +138,15 @@ def _with_provenance(
     """The calibration with what it came from: files with their digests, and the options of the recording."""
     from sonocal.files import digest
 
-    files = {**inputs, **{name: recorded[name] for name in FILES if recorded[name] is not None}}
+    files = {**inputs}
+    for name in FILES:
+        given_files = recorded[name] if name == "poses" else (recorded[name],)
+        # The first keeps the option's name: a calibration from one file says "poses", as it always did.
+        files |= {
+            f"{name} {i}" if i > 1 else name: path
+            for i, path in enumerate(given_files, 1)
+            if path is not None
+        }
     unused = OF_DETECTION if "points" in files else ()
     options = {
         name: value for name, value in recorded.items() if name not in (*FILES, *unused, "accept_units")

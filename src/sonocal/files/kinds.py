@@ -138,18 +138,20 @@ class Format:
         writes: which of the suffixes may be written.
         needs: packages to install for it.
         header: of tables, what their first line is known by, in words.
+        options: keywords of what only its user knows, such as the order of angles, that `read` takes.
     """
 
     name: str
     kind: Kind
     suffixes: tuple[str, ...]
     sniff: Callable[[Head], bool]
-    read: Callable[[Path], Any]
+    read: Callable[..., Any]
     holds: str
     write: Callable[..., None] | None = None
     writes: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     header: str = ""
+    options: tuple[str, ...] = ()
 
 
 def recognise(head: Head, formats: Iterable[Format]) -> Format | None:

@@ -10,6 +10,7 @@ from sonocal.recording.timing import (
     estimate_latency,
     interpolate_poses,
     join,
+    join_several,
     motion_signal,
     with_latency,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "health",
     "interpolate_poses",
     "join",
+    "join_several",
     "motion_signal",
     "summarize",
     "with_latency",

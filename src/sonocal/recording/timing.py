@@ -6,6 +6,7 @@ image taken at ``t`` is the one the tracker stamped ``t + latency_s``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,15 @@ from sonocal.geometry import Array
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid, Poses
 
-__all__ = ["Lag", "estimate_latency", "interpolate_poses", "join", "motion_signal", "with_latency"]
+__all__ = [
+    "Lag",
+    "estimate_latency",
+    "interpolate_poses",
+    "join",
+    "join_several",
+    "motion_signal",
+    "with_latency",
+]
 
 MAX_GAP_S = 0.2
 """Longest stretch between two poses that is bridged, s: a hand turns a probe by degrees in less."""
@@ -114,6 +123,7 @@ def join(
         images.provenance,
         format=f"{images.provenance.format} + {tracker.provenance.format}",
         paths=images.provenance.paths + tracker.provenance.paths,
+        lengths=tracker.provenance.lengths,
     )
     diagnostics = images.diagnostics + tracker.diagnostics
     return replace(
@@ -123,6 +133,50 @@ def join(
         diagnostics=diagnostics,
         latency_s=latency_s or tracker.latency_s,
     )
+
+
+def join_several(
+    images: Recording,
+    trackers: Sequence[Recording],
+    latency_s: float = 0.0,
+    max_gap_s: float = MAX_GAP_S,
+    on_invalid: OnInvalid = "raise",
+) -> Recording:
+    """Images with the poses of several recordings of trackers, each of other tools, beside those of their own.
+
+    The first recording may be a tracker's: the others' poses are then taken at its times.
+
+    Args:
+        images: what to find poses for.
+        trackers: the poses; see `join`.
+        latency_s: how much later the trackers stamp an instant than the images do.
+        max_gap_s: longest stretch between two poses to bridge.
+        on_invalid: what to do with poses marked valid that are not rigid.
+
+    Raises:
+        InputError: as of `join`, or two recordings hold the same tool.
+    """
+    whole = with_latency(images, latency_s, max_gap_s, on_invalid) if images.poses else images
+    found, holders = dict(whole.poses), dict.fromkeys(whole.poses, images.name)
+    for tracker in trackers:
+        joined = join(images, tracker, latency_s, max_gap_s, on_invalid)
+        if twice := [name for name in joined.poses if name in found]:
+            raise InputError(
+                f"{tracker.name}: holds {joined.poses[twice[0]].plus_name}, and so does {holders[twice[0]]}; rename "
+                "one of the two tools, or leave the file out"
+            )
+        found |= joined.poses
+        holders |= dict.fromkeys(joined.poses, tracker.name)
+    sources = [one.provenance for one in (images, *trackers)]
+    lengths = {one.provenance.lengths for one in (images, *trackers) if one.poses}
+    provenance = replace(
+        images.provenance,
+        format=" + ".join(dict.fromkeys(source.format for source in sources)),
+        paths=tuple(path for source in sources for path in source.paths),
+        lengths=lengths.pop() if len(lengths) == 1 else "millimetres",
+    )
+    diagnostics = tuple(note for one in (images, *trackers) for note in one.diagnostics)
+    return replace(joined if trackers else whole, poses=found, provenance=provenance, diagnostics=diagnostics)
 
 
 def with_latency(

@@ -46,7 +46,7 @@ def test_units_change_the_spelling_and_not_the_poses(tmp_path_factory, seed, bla
             FormatError,
             "a.csv: has no row 'Frame,Time (Seconds),...' with data below it",
         ),
-        (",Name,", ",Names,", FormatError, "a.csv: lacks the rows of types, names and quantities"),
+        ("Rotation,", "Turn,", FormatError, "a.csv: lacks the rows of types, names and quantities"),
         ("X,Y,Z,W", "X,Y,Z,V", FormatError, "a.csv: rigid body 'Needle' lacks its column Rotation W"),
     ],
 )

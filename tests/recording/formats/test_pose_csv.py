@@ -53,7 +53,7 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
         ("t,qw,qx,qy,qz,x,y\n0,1,0,0,0,1,2\n", "a.csv, line 1: lacks the column z beside x"),
         (
             "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,1,1,2,3\n",
-            "a.csv, row 0: the quaternion of Tool has length 1.41 where 1 is due; check the order of its columns",
+            "a.csv, row 0: the quaternion of a has length 1.41 where 1 is due; check the order of its columns",
         ),
         (
             "t,ProbeToTrackerTransform\n0,1 2 3\n",
