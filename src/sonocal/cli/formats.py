@@ -130,7 +130,8 @@ def _what_is_read() -> str:
         f"{one.header} ({one.name})" for one in tables if one.kind != "recording" or one is pose_csv.FORMAT
     ]
     logs = [one.name for one in tables if one.kind == "recording" and one is not pose_csv.FORMAT]
-    return f"{', '.join(files)}, folders of images, logs of trackers ({', '.join(logs)}), and tables with {'; '.join(free)}"
+    logged, free_ones = ", ".join(logs), "; ".join(free)
+    return f"{', '.join(files)}, folders of images, logs of trackers ({logged}), and tables with {free_ones}"
 
 
 _KINDS: dict[Kind, str] = {

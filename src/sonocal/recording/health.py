@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
-from sonocal.geometry.units import UNITS_CODE, place_hints, unit_doubt
+from sonocal.geometry.units import place_hints, unit_doubt
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import FROZEN_RUN, RIGID_TOLERANCE, Poses, longest_run, rigidity_error
 
@@ -118,7 +118,7 @@ def unit_findings(recording: Recording) -> Iterator[Diagnostic]:
     ]
     if recording.poses and not recording.provenance.lengths:
         yield _warning(
-            UNITS_CODE,
+            "implausible-units",
             f"{recording.name}: are these millimetres? the file does not say, and they were read as that",
             "export it with its unit; if they are millimetres, go on with --accept-units",
         )
