@@ -121,7 +121,7 @@ def c3d_file(path, places, labels, unit="mm", hidden=(), rate=100.0):
     """A C3D file of markers (N, M, 3) in mm, written by the package c3d."""
     c3d = pytest.importorskip("c3d", reason="the package c3d is not installed")
     writer = c3d.Writer(point_rate=rate, analog_rate=0, point_scale=-1.0)
-    scale = {"mm": 1.0, "m": 1e-3, "cm": 0.1, "in": 1 / 25.4, None: 1.0}[unit]
+    scale = {"mm": 1.0, "m": 1e-3, "cm": 0.1, "in": 1 / 25.4}[unit]
     for i, frame in enumerate(places):
         points = np.zeros((len(labels), 5), np.float32)
         points[:, :3] = scale * frame
@@ -130,9 +130,7 @@ def c3d_file(path, places, labels, unit="mm", hidden=(), rate=100.0):
                 points[m] = [0, 0, 0, -1, -1]
         writer.add_frames([(points, np.empty((0, 0)))])
     writer.set_point_labels(labels)
-    group = writer.point_group
-    if unit is not None:
-        group.add_str("UNITS", "of lengths", unit, len(unit))
+    writer.point_group.set_str("UNITS", "of lengths", unit, len(unit))
     with path.open("wb") as handle, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that there are no analog data
         writer.write(handle)

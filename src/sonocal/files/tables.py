@@ -162,16 +162,17 @@ def _columns(
     columns: list[list[str]] = [[] for _ in range(width)]
     lines: list[int] = []
     while some := [*islice(rows, ROWS_AT_ONCE)]:
-        for row, line in some:
-            if len(row) != width:
-                word = {",": "comma", ";": "semicolon", "\t": "tab"}[separator]
-                raise FormatError(
-                    f"{name}, line {line}: has {len(row)} cells where the header has {width}; "
-                    f"quote cells that hold a {word}"
-                )
-        for column, cells in zip(columns, zip(*(row for row, _ in some), strict=True), strict=True):
-            column.extend(cells)
-        lines.extend(line for _, line in some)
+        cells, ends = zip(*some, strict=True)
+        if {*map(len, cells)} != {width}:
+            row, line = next((row, line) for row, line in some if len(row) != width)
+            word = {",": "comma", ";": "semicolon", "\t": "tab"}[separator]
+            raise FormatError(
+                f"{name}, line {line}: has {len(row)} cells where the header has {width}; "
+                f"quote cells that hold a {word}"
+            )
+        for column, part in zip(columns, zip(*cells, strict=True), strict=True):
+            column.extend(part)
+        lines.extend(ends)
     return columns, lines
 
 

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from sonocal.findings import Diagnostic
 from sonocal.geometry.units import place_hints, unit_doubt
 from sonocal.recording.model import ImageGeometry, Recording
-from sonocal.recording.poses import FROZEN_RUN, RIGID_TOLERANCE, Poses, longest_run, rigidity_error
+from sonocal.recording.poses import (
+    FROZEN_RUN,
+    RIGID_TOLERANCE,
+    Poses,
+    is_transposed,
+    longest_run,
+    rigidity_error,
+)
 
 __all__ = ["Summary", "ToolSummary", "health", "summarize", "unit_findings"]
 
@@ -177,6 +184,13 @@ def _poses(poses: Poses) -> Iterator[Diagnostic]:
     bent = poses.valid & ~(error <= RIGID_TOLERANCE)
     if bent.any() and "Image" not in (poses.source, poses.target):
         i = int(np.flatnonzero(bent)[0])
+        if is_transposed(poses.matrices[i]):
+            yield _warning(
+                "non-rigid-poses",
+                f"{name}: {bent.sum()} poses are transposed, first at frame {i}: their places stand in the last row",
+                "write matrices row by row, with the place in the last column",
+            )
+            return
         yield _warning(
             "non-rigid-poses",
             f"{name}: {bent.sum()} poses marked valid are not rigid, first at frame {i} "
