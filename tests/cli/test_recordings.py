@@ -29,6 +29,7 @@ from tests.builders.recordings import (
 )
 from tests.builders.targets import PHANTOM, POINT
 from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
+from tests.builders.trackers import SHAPE, marker_places, vicon_markers
 
 
 def run(*arguments, width=80):
@@ -716,3 +717,40 @@ def test_info_says_what_is_wrong_first(tmp_path):
         ("ProbeToTracker", 40),
         ("NeedleToTracker", 40),
     ]
+
+
+def test_info_joins_several_files_of_poses_and_says_how_times_were_read(tmp_path):
+    for name in ("Probe", "Needle"):
+        rows = [f"{1_700_000_000_000 + 50 * i},1,0,0,0,{i},0,0" for i in range(20)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["Timestamp,qw,qx,qy,qz,x,y,z", *rows]))
+    done = run("info", tmp_path / "Probe.csv", "--poses", tmp_path / "Needle.csv", width=200)
+    assert done.exit_code == 0, done.output
+    for words in (
+        "ProbeToTracker",
+        "NeedleToTracker",
+        "20.0 a second",
+        "Timestamp was read as milliseconds, since",
+    ):
+        assert words in done.output
+
+
+def test_angles_and_markers_are_told_on_the_command_line(tmp_path):
+    (tmp_path / "Probe.csv").write_text("t,rx_deg,ry_deg,rz_deg,x,y,z\n0,10,20,30,1,2,3\n1,0,0,0,1,2,3\n")
+    refused = run("info", tmp_path / "Probe.csv")
+    assert refused.exit_code == 1
+    assert "with --angles: ZYX or another order of axes" in refused.stderr
+    assert run("info", tmp_path / "Probe.csv", "--angles", "ZYX").exit_code == 0
+    labels = "abcd"
+    places = marker_places(random_poses(np.random.default_rng(0), 12))
+    (tmp_path / "markers.csv").write_text(vicon_markers(places, labels))
+    assert "or say with --markers which are of one tool" in run("info", tmp_path / "markers.csv").stderr
+    points = [
+        f'[[point]]\nname = "{label}"\nframe = "Probe"\nat_mm = {place.tolist()}\n'
+        for label, place in zip(labels, SHAPE, strict=True)
+    ]
+    (tmp_path / "points.toml").write_text("\n".join(points))
+    done = run("info", tmp_path / "markers.csv", "--markers", tmp_path / "points.toml", width=200)
+    assert done.exit_code == 0, done.output
+    assert "4 markers were fitted to the model given, 0.00 mm" in done.output
+    wrong = run("info", tmp_path / "markers.csv", "--markers", tmp_path / "markers.csv")
+    assert "name a file of points (.toml), each a marker in its tool's frame" in wrong.stderr
