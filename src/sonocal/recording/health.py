@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
-from sonocal.geometry.units import place_hints, unit_doubt
+from sonocal.recording.lengths import unit_findings
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import (
     FROZEN_RUN,
@@ -22,7 +22,7 @@ from sonocal.recording.poses import (
     rigidity_error,
 )
 
-__all__ = ["Summary", "ToolSummary", "health", "summarize", "unit_findings"]
+__all__ = ["Summary", "ToolSummary", "health", "summarize"]
 
 Progress = Callable[[int, int], None]
 
@@ -113,24 +113,6 @@ def health(
         if look_at_images:
             found += _repeated_images(recording, progress)
     return tuple(found)
-
-
-def unit_findings(recording: Recording) -> Iterator[Diagnostic]:
-    """The doubt that the poses of a recording are in mm."""
-    hints = [
-        hint
-        for poses in recording.poses.values()
-        if "Image" not in (poses.source, poses.target)
-        for hint in place_hints(poses.plus_name, poses.matrices[poses.valid])
-    ]
-    if recording.poses and not recording.provenance.lengths:
-        yield _warning(
-            "implausible-units",
-            f"{recording.name}: are these millimetres? the file does not say, and they were read as that",
-            "export it with its unit; if they are millimetres, go on with --accept-units",
-        )
-        return
-    yield from unit_doubt(hints, f"{recording.name}: ", recording.provenance.lengths)
 
 
 def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:

@@ -6,7 +6,7 @@ world is kept as it is, for only how tools lie to each other matters here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -115,24 +115,27 @@ def _bodies(
     tools = dict.fromkeys(
         tool for kind, tool, quantity, _ in header if kind == "Rigid Body" and quantity == "Rotation"
     )
+    places = {column: i for i, column in reversed([*enumerate(header)])}
     for tool in tools:
         parts: dict[str, Array] = {}
         for quantity, axes in AXES.items():
-            places = [_column(name, header, tool, quantity, axis) for axis in axes]
+            columns = [_column(name, places, tool, quantity, axis) for axis in axes]
             parts[quantity] = np.column_stack(
                 [
                     cells_to_numbers(name, f"{tool} {quantity} {axis}", [r[i] for r in body], lines, np.nan)
-                    for i, axis in zip(places, axes, strict=True)
+                    for i, axis in zip(columns, axes, strict=True)
                 ]
             )
         quaternions = np.roll(parts["Rotation"], 1, axis=1)
         yield poses_from_quaternions(quaternions, scale * parts["Position"], tool, "Tracker", name)
 
 
-def _column(name: str, header: list[tuple[str, str, str, str]], tool: str, quantity: str, axis: str) -> int:
+def _column(
+    name: str, places: Mapping[tuple[str, str, str, str], int], tool: str, quantity: str, axis: str
+) -> int:
     try:
-        return header.index(("Rigid Body", tool, quantity, axis))
-    except ValueError:
+        return places["Rigid Body", tool, quantity, axis]
+    except KeyError:
         raise FormatError(
             f"{name}: rigid body {tool!r} lacks its column {quantity} {axis}; export it again"
         ) from None

@@ -11,48 +11,41 @@ Source: `ToolData` and the CSV example of NDI's CombinedAPIsample; headers of To
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from sonocal.errors import FormatError, InputError
+from sonocal.errors import InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head
 from sonocal.files.tables import cells_to_numbers, csv_lines, separator_of
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.angles import quaternions_from_angles
+from sonocal.recording.formats.parts.ndi_rows import QUATERNION, Block
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
 
 __all__ = ["FORMAT", "is_ndi", "read_ndi"]
 
-HEADER = re.compile(rb'[^\n]*Frame#?"?[,;\t][^\n]*Face#?"?[,;\t][^\n]*(?:Q0"?[,;\t]"?Qx|Rz"?[,;\t]"?Ry)')
-QUATERNION, ANGLES, PLACE = ("Q0", "Qx", "Qy", "Qz"), ("Rx", "Ry", "Rz"), ("Tx", "Ty", "Tz")
+BETWEEN = re.compile(rb"[,;\t]")
 # R = Rz Ry Rx: each turn about the tool's own axes as turned so far.
 NDI_ANGLES = "ZYX"
-# Names that programs spell in two ways.
-PLAIN = {
-    **{
-        "Frame#": "Frame",
-        "TransformStatus": "state",
-        "State": "state",
-        "#Markers": "markers",
-        "Markers": "markers",
-    },
-    **{"Time [sec]": "Time", "Time (sec)": "Time", "Time[sec]": "Time"},
-}
-STAMPS = (("timespec_s", "timespec_ns"), ("Time",))
 PORT, SERIAL = re.compile(r"^Port\s*:?\s*\w+\s*:\s*"), re.compile(r"\s*s/n:.*")
 # What ToolBox writes for a number that it does not have.
 NO_NUMBER = 1e20
-CELLS_A_MARKER, LONGEST_STATE, MOST_DIGITS = 4, 40, 6
+# A pose takes 128 bytes, also where a tool was not seen: hours of twenty tools are fewer.
+MOST_POSES = 10_000_000
+LONGEST_NAME, LONGEST_STATE = 200, 40
 
 
 def is_ndi(head: Head) -> bool:
-    """Whether a file is one of NDI's logs: ``Q0`` or ``Rz`` after ``Frame`` and ``Face`` in its first line."""
-    return HEADER.match(head.text) is not None
+    """Whether a file is one of NDI's logs: its first line has a frame, a face after it, and then Q0 or Rz."""
+    cells = [cell.strip(b' "#\r') for cell in BETWEEN.split(head.text.partition(b"\n")[0])]
+    after = iter(cells)
+    return all(any(cell in wanted for cell in after) for wanted in ((b"Frame",), (b"Face",), (b"Q0", b"Rz")))
 
 
 def read_ndi(path: Path) -> Recording:
@@ -64,7 +57,7 @@ def read_ndi(path: Path) -> Recording:
     """
     text = read_text(path, "a log of poses")
     rows = csv_lines(path.name, text, separator_of(text))
-    block = _Block.of(path.name, [cell.strip() for cell in next(rows, ([], 0))[0]])
+    block = Block.of(path.name, [cell.strip() for cell in next(rows, ([], 0))[0]])
     log = _Log()
     for row, line in rows:
         log.add(block, [*block.tools(row, line)], line)
@@ -73,66 +66,6 @@ def read_ndi(path: Path) -> Recording:
     poses = by_name(log.poses(path.name, block), path.name)
     times = log.times(path.name, block)
     return Recording(times=times, poses=poses, provenance=Provenance(path.name, "NDI log", (str(path),)))
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Where the cells of one tool lie within its part of a row, which starts with its name."""
-
-    name: str
-    starts: tuple[int, ...]
-    width: int
-    place: dict[str, int]
-    pose: tuple[str, ...]
-    stamps: tuple[str, ...]
-    last: int
-
-    @classmethod
-    def of(cls, name: str, header: Sequence[str]) -> _Block:
-        starts = tuple(i - 1 for i, cell in enumerate(header) if cell in ("Frame#", "Frame") and i)
-        if not starts:
-            raise FormatError(f"{name}, line 1: is not the header of NDI's log; export it again")
-        cells = header[starts[0] : starts[1] if len(starts) > 1 else len(header)]
-        place = {PLAIN.get(cell, cell): i for i, cell in reversed([*enumerate(cells)])}
-        pose = (*(ANGLES if "Q0" not in place else QUATERNION), *PLACE)
-        if missing := [cell for cell in (*pose, "state") if cell not in place]:
-            raise FormatError(f"{name}, line 1: lacks the column {missing[0]} of NDI's log; export it again")
-        stamps = next((stamps for stamps in STAMPS if place.keys() >= {*stamps}), ())
-        last = max(place.get("markers", 0), place["state"], *(place[cell] for cell in pose))
-        return cls(name, starts, len(header), place, pose, stamps, last)
-
-    def tools(self, row: list[str], line: int) -> Iterator[Sequence[str]]:
-        """The cells of each tool in a row, without its markers."""
-        while len(row) > self.width and not row[-1].strip():
-            row.pop()
-        if len(row) == self.width and len(self.starts) > 1:
-            yield from (row[start : start + self.last + 1] for start in self.starts)
-            return
-        start = self.starts[0]
-        while start < len(row):
-            tool = row[start : start + self.last + 1]
-            lost = len(tool) > self.place["state"] and tool[self.place["state"]].strip() != "OK"
-            if len(tool) <= self.last and not lost:
-                raise FormatError(
-                    f"{self.name}, line {line}: ends after {len(row)} cells, within a tool; delete the line if the log "
-                    "was cut there"
-                )
-            tool += [""] * (self.last + 1 - len(tool))
-            yield tool
-            start += self._width(tool, line, lost=lost)
-
-    def _width(self, tool: Sequence[str], line: int, *, lost: bool) -> int:
-        """How many cells a tool has, with its markers; some programs write no number of them for one that is lost."""
-        if "markers" not in self.place:
-            return self.last + 1
-        cell = tool[self.place["markers"]].strip()
-        if cell and not (cell.isdecimal() and len(cell) < MOST_DIGITS):
-            if lost:
-                return self.place["markers"]
-            raise FormatError(
-                f"{self.name}, line {line}: {cell[:40]!r} is not a number of markers; export it again"
-            )
-        return self.last + 1 + CELLS_A_MARKER * int(cell or 0)
 
 
 @dataclass
@@ -154,12 +87,15 @@ class _Log:
     lines: list[int] = field(default_factory=list)
     frame: str = ""
 
-    def add(self, block: _Block, tools: Sequence[Sequence[str]], line: int) -> None:
+    def add(self, block: Block, tools: Sequence[Sequence[str]], line: int) -> None:
         """Add the tools of a row."""
         if not tools:
             return
         keys = [
-            (tool[0].strip(), tool[at].strip() if (at := block.place.get("PortHandle")) else "")
+            (
+                tool[0].strip()[:LONGEST_NAME],
+                tool[at].strip()[:LONGEST_NAME] if (at := block.place.get("PortHandle")) else "",
+            )
             for tool in tools
         ]
         frame, item = tools[0][block.place["Frame"]].strip(), len(self.stamps) - 1
@@ -175,7 +111,7 @@ class _Log:
             one.cells.append([tool[block.place[name]] for name in block.pose])
             one.states.append(tool[block.place["state"]].strip()[:LONGEST_STATE])
 
-    def times(self, name: str, block: _Block) -> Array:
+    def times(self, name: str, block: Block) -> Array:
         """(N,) s; NaN where the program writes none, or a device without a clock zeros."""
         parts = [
             _numbers(name, column, [stamp[i] for stamp in self.stamps], self.lines)
@@ -186,8 +122,14 @@ class _Log:
         )
         return times if np.isfinite(times).all() and times.any() else np.full(len(times), np.nan)
 
-    def poses(self, name: str, block: _Block) -> Iterator[Poses]:
+    def poses(self, name: str, block: Block) -> Iterator[Poses]:
         """The poses of every tool."""
+        if len(self.stamps) * len(self.found) > MOST_POSES:
+            raise InputError(
+                f"{name}: holds {len(self.found)} tools in {len(self.stamps)} frames, more than {MOST_POSES} poses; "
+                "cut it"
+            )
+        names = Counter(_called(title, port) for title, port in self.found)
         for (title, port), tool in self.found.items():
             numbers = np.full((len(self.stamps), len(block.pose)), np.nan)
             for i, column in enumerate(block.pose):
@@ -202,14 +144,19 @@ class _Log:
             turns, places = numbers[:, :-3], numbers[:, -3:]
             if block.pose[0] != QUATERNION[0]:
                 turns = quaternions_from_angles(np.deg2rad(turns), NDI_ANGLES)
-            poses = poses_from_quaternions(turns, places, self._named(title, port), "Tracker", name)
+            poses = poses_from_quaternions(turns, places, _named(title, port, names), "Tracker", name)
             yield Poses(poses.source, poses.target, poses.matrices, poses.valid, tuple(status))
 
-    def _named(self, title: str, port: str) -> str:
-        """A tool's name: what it is called, and its port or number where several are called so."""
-        name = _word(SERIAL.sub("", PORT.sub("", title))) or _word(port) or _word(title) or "Tool"
-        alike = [key for key in self.found if _word(SERIAL.sub("", PORT.sub("", key[0]))) == name]
-        return name if len(alike) < 2 else name + (_word(port) or _word(title.removeprefix(name)))
+
+def _named(title: str, port: str, names: Mapping[str, int]) -> str:
+    """A tool's name: what it is called, and its port or number where several are called so."""
+    name = _called(title, port)
+    return name if names[name] == 1 else name + (_word(port) or _word(title.removeprefix(name)))
+
+
+def _called(title: str, port: str) -> str:
+    """What a tool is called in the log, as a name."""
+    return _word(SERIAL.sub("", PORT.sub("", title))) or _word(port) or _word(title) or "Tool"
 
 
 def _word(text: str) -> str:

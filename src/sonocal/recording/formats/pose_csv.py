@@ -79,9 +79,12 @@ def read_pose_csv(path: Path, angles: str | None = None) -> Recording:
 
 
 def _tools(table: Table, tools: Mapping[str, Columns], stem: str, angles: str | None) -> Iterator[Poses]:
+    statuses = _statuses(table.header)
     for column in table.header:
         if match := TRANSFORM.fullmatch(column):
-            yield _from_cells(table, column, match[1], match[2])
+            yield _with_status(
+                table, statuses, _from_cells(table, column, match[1], match[2]), f"{column}Status"
+            )
     for tool, columns in tools.items():
         source, target = _names(tool or stem)
         if ("quaternion", "w") in columns:
@@ -90,11 +93,11 @@ def _tools(table: Table, tools: Mapping[str, Columns], stem: str, angles: str | 
             numbers = _quaternions(table, columns, angles)
         else:
             if ("matrix", "00") in columns:
-                yield _with_status(table, _from_matrix(table, columns, source, target), f"{tool}_status")
+                poses = _from_matrix(table, columns, source, target)
+                yield _with_status(table, statuses, poses, f"{tool}_status")
             continue
-        places = _places(table, columns)
-        poses = poses_from_quaternions(numbers, places, source, target, table.name)
-        yield _with_status(table, poses, f"{tool}_status")
+        poses = poses_from_quaternions(numbers, _places(table, columns), source, target, table.name)
+        yield _with_status(table, statuses, poses, f"{tool}_status")
 
 
 def _from_cells(table: Table, column: str, source: str, target: str) -> Poses:
@@ -108,7 +111,7 @@ def _from_cells(table: Table, column: str, source: str, target: str) -> Poses:
             raise InputError(
                 f"{table.name}, line {table.lines[row]}, column {column}: {cell.strip()[:40]!r} is not 16 numbers"
             ) from None
-    return _with_status(table, Poses.of(source, target, matrices), column + "Status")
+    return Poses.of(source, target, matrices)
 
 
 def _words(cell: str) -> list[str]:
@@ -177,9 +180,17 @@ def _names(tool: str) -> tuple[str, str]:
     return (match[1], match[2]) if match else (tool, "Tracker")
 
 
-def _with_status(table: Table, poses: Poses, name: str) -> Poses:
-    plain = re.sub(r"[ ._:/-]+", "_", name).strip("_").lower()
-    column = next((c for c in table.header if re.sub(r"[ ._:/-]+", "_", c).lower() == plain), None)
+def _statuses(header: Iterable[str]) -> dict[str, str]:
+    """The columns of status by their plain names."""
+    return {_plain(name): name for name in header if name[-len("status") :].lower() == "status"}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[ ._:/-]", "_", name).strip("_").lower()
+
+
+def _with_status(table: Table, statuses: Mapping[str, str], poses: Poses, name: str) -> Poses:
+    column = statuses.get(_plain(name))
     if column is None:
         return poses
     status = tuple(map(str, table.text(column)))

@@ -26,10 +26,10 @@ from sonocal.recording.formats import (
     video,
 )
 from sonocal.recording.formats.parts.angles import check_angles
+from sonocal.recording.joining import join_several, with_latency
 from sonocal.recording.markers import Markers
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
-from sonocal.recording.timing import join_several, with_latency
 
 __all__ = ["FORMATS", "read_recording", "refuse_table", "write_recording"]
 

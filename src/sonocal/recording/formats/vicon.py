@@ -13,6 +13,7 @@ must say it (the option ``angles``). Markers become rigid bodies: see `sonocal.r
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,7 +166,7 @@ def _columns(names: list[str], axes: list[str], units: list[str]) -> dict[tuple[
 
 
 def _bodies(section: _Section, angles: str | None) -> Iterator[Poses]:
-    short = [_tool(name)[-1] for name in section.names]
+    short = Counter(_tool(name)[-1] for name in section.names)
     for name in section.names:
         places = section.places(name, PLACE)
         if (name, "RW") in section.columns:
@@ -180,7 +181,7 @@ def _bodies(section: _Section, angles: str | None) -> Iterator[Poses]:
             degrees = section.columns[name, "RX"][1] == "deg"
             turns = quaternions_from_angles(np.deg2rad(numbers) if degrees else numbers, angles)
         subject, body = _tool(name)
-        tool = body if short.count(body) == 1 else subject + body
+        tool = body if short[body] == 1 else subject + body
         yield poses_from_quaternions(turns, places, tool, "Tracker", section.name)
 
 
