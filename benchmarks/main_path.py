@@ -112,7 +112,7 @@ def main() -> None:
     row("import sonocal beyond NumPy", f"{process_time('-c', 'import sonocal') - numpy_alone:.3f} s")
     row("sonocal --help", f"{process_time('-m', 'sonocal', '--help'):.3f} s")
     with tempfile.TemporaryDirectory() as folder:
-        row("sonocal demo", f"{process_time('-m', 'sonocal', 'demo', '-o', folder):.2f} s")
+        row("sonocal demo", f"{process_time('-m', 'sonocal', 'demo', '-o', folder, '--overwrite'):.2f} s")
 
 
 if __name__ == "__main__":

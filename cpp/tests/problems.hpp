@@ -1,6 +1,7 @@
 // Noise-free problems with their truth, for the tests and the micro-benchmark of the core.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <vector>
 

@@ -72,7 +72,7 @@ void general(bool planar) {
     for (int i = 0; i < 4; ++i)
       lines[i] = {rows[2 * i].point,
                   -rows[2 * i].offset * rows[2 * i].normal - rows[2 * i + 1].offset * rows[2 * i + 1].normal,
-                  rows[2 * i].normal.cross(rows[2 * i + 1].normal)};
+                  cross(rows[2 * i].normal, rows[2 * i + 1].normal)};
     missed_by_paper += !holds(paper_two_lines(lines, solutions));
   }
   check(missed <= 1, "three_quadrics");

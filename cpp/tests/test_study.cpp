@@ -1,4 +1,6 @@
 // Trials of studies without Python, to run under sanitizers: every method, and the bound of the covariance.
+#include <Eigen/Geometry>
+
 #include "check.hpp"
 #include "scenes.hpp"
 #include "sonocal/solvers/batch.hpp"

@@ -25,8 +25,8 @@ INSTEAD = {
     "sonocal study paper-2d": "sonocal study paper-2d --trials 5",
     "sonocal study needles --trials 10000": "sonocal study needles --trials 3 -o few",
     "sonocal study needles --workers 8": "sonocal study needles --trials 3 --workers 1 -o few",
-    # 500 images: fewer are as good a recording
-    "sonocal simulate -o simulated": "sonocal simulate -o simulated --frames 3",
+    # 500 images: fewer are a recording, too
+    "sonocal simulate -o simulated": "sonocal simulate -o simulated --frames 40 --hidden 0",
     # the capitals stand for the reader's own file
     "sonocal calibrate RECORDING --lines needle.toml -o calibration": (
         "sonocal calibrate sweep.igs.mha --lines needle.toml -o calibration"

@@ -132,11 +132,12 @@ def test_no_control_character_of_a_file_reaches_a_terminal(command, tmp_path, mo
 
 
 INTERRUPTED = """
-import _thread, sys, threading, time
+import _thread, signal, threading
 import numpy as np
 import sonocal as sc
 rng = np.random.default_rng(0)
 rows = sc.Observations(rng.uniform(0, 500, (2000, 2)), 100 * rng.normal(size=(2000, 2, 3)))
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
 threading.Timer(0.3, _thread.interrupt_main).start()
 try:
     sc.calibrate(rows, max_samples=10**9, confidence=1 - 1e-12)

@@ -55,6 +55,16 @@ def test_points_far_off_stop_whoever_would_use_it(count):
     assert "What was measured says otherwise." in verdict.expectation
 
 
+@pytest.mark.parametrize("off_mm", [(6.0, 14.0, 34.0), (0.5, 36.5, 1.4), (0.2,) * 199 + (36.0,)])
+def test_points_that_are_off_by_unlike_lengths_are_said_to_be_and_the_furthest_is_named(off_mm):
+    found, points = sound_calibration(), touched(3, len(off_mm), 0.0, sigma_mm=0.1)
+    places = points.points_mm + np.asarray(off_mm)[:, None] * np.eye(3)[np.arange(len(off_mm)) % 3]
+    findings = validate_points(found, dataclasses.replace(points, points_mm=places)).diagnostics
+    (finding,) = [one for one in findings if one.code.startswith("points-")]
+    assert f"point {int(np.argmax(off_mm)) + 1} of {len(off_mm)}" in finding.message
+    assert finding.code == ("points-off" if len(off_mm) > 3 else "points-far-off")
+
+
 def test_who_accepts_more_is_stopped_later():
     found, points = sound_calibration(), touched(3, 20, 12.0)
     assert "points-far-off" in codes(found, points)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.calibration.anisotropy import anisotropy_findings
 from sonocal.calibration.distortion import distortion_findings
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array, area_places
+from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.ambiguity import Rival
 from sonocal.registration.degeneracy import (
     NearDegeneracy,
@@ -242,7 +243,7 @@ def fit_findings(
     """
     yield from diagnose_fit(fit)
     yield from diagnose_rival(rival)
-    yield from weakness_findings(mapped.table, fit, noise, accepted)
+    yield from weakness_findings(mapped.table, fit.transform, fit.inlier, noise, accepted)
     if mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
     yield from diagnose_noise(noise)
@@ -256,17 +257,21 @@ def predicts(noise: Noise) -> bool:
 
 
 def weakness_findings(
-    table: PointLineRows, fit: Fit, noise: Noise, accepted: tuple[Array, float, str]
+    table: PointLineRows,
+    transform: AxisScaled,
+    inlier: NDArray[np.bool_],
+    noise: Noise,
+    accepted: tuple[Array, float, str],
 ) -> Iterator[Diagnostic]:
     """The predicted error at the corners against what is accepted."""
     if not predicts(noise):
         return
     area, tolerance_mm, _ = accepted
     corners = area_places(area)[:-1]
-    covariances = point_covariance(fit.transform, noise.covariance, corners)
+    covariances = point_covariance(transform, noise.covariance, corners)
     worst = float(radius_95(covariances, noise.freedom).max())
     if worst <= tolerance_mm:
         return
-    motion = weakest_motion(fit.transform, noise.covariance, corners)
-    near = near_degeneracy(table, fit.inlier)
+    motion = weakest_motion(transform, noise.covariance, corners)
+    near = near_degeneracy(table, inlier)
     yield from diagnose_weakness(motion, noise.freedom, worst, accepted, near)

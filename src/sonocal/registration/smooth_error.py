@@ -21,6 +21,9 @@ MOST_ROWS, FEWEST_ROWS = 150, 24
 LENGTHS = (0.35, 0.7, 1.4)
 # Of the error's variance to the rows' own, relative: what is tried.
 RATIOS = np.logspace(-1.5, 2.5, 41)
+# Of the smooth error's deviation to the residuals': what a fit takes up of an error may be more than it leaves, but an
+# error that changes slowly shows so little of itself that its size would be anyone's guess.
+MOST_TAKEN_UP = 4.0
 # Standard deviations of the score below which the likelihood is not worth its time.
 LEAST_SCORE = 1.0
 
@@ -160,6 +163,7 @@ def _levels(residuals: Array, kernel: Array, length: float) -> _Levels | None:
     inflated = 1.0 + ratios[:, None] * values
     own = np.mean(squares / inflated, axis=1)
     gains = count * np.log(alone / own) - np.log(inflated).sum(axis=1)
+    gains[own * ratios > MOST_TAKEN_UP**2 * alone] = -np.inf
     at = int(np.argmax(gains))
     if not gains[at] > 0:
         return None

@@ -173,5 +173,5 @@ def in_words(value: float, deviation: float, unit: str, speed: float) -> str:
     each = unit.removesuffix("s") or unit
     return (
         f"the {late} is late by {abs(value) * factor:.3g} {name} (+-{NORMAL_95 * deviation * factor:.2g}), which moves "
-        f"the needle by {abs(value) * speed:.1f} mm at its usual speed of {speed:.0f} mm/{each}"
+        f"the needle by {abs(value) * speed:.1f} mm at its usual speed of {speed:.2g} mm/{each}"
     )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from sonocal.calibration import Calibration, point_line_rows
 from sonocal.calibration.groupings import groupings_of
+from sonocal.calibration.widened import widened
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
 from sonocal.observations import Observations
@@ -24,6 +23,8 @@ __all__ = ["with_pose_errors"]
 # Twice the logarithm of how much likelier a smooth error must make the residuals to be counted (of sound recordings 3
 # in a hundred reach it, and widen by a few per cent), and to be told (1 in 2350).
 LEAST_GAIN, SURE_GAIN = 5.0, 12.0
+# A predicted error that grows by more than this is explained, however unsure the smooth error is.
+GROWN = 1.3
 # Errors of rows below this are none, and a drift is never infinitely many times as large.
 TINY_MM = 1e-6
 
@@ -48,12 +49,12 @@ def with_pose_errors(
     if found is None or found.gain < LEAST_GAIN:
         return offset
     assert calibration.covariance is not None and offset.covariance is not None
-    told = [_finding(calibration, found)] if found.gain > SURE_GAIN else []
     wider = calibration.covariance + found.covariance
+    grown = _most_mm(calibration, wider) / _most_mm(calibration, calibration.covariance)
+    told = [_finding(calibration, found)] if found.gain > SURE_GAIN or grown > GROWN else []
     if _most_mm(calibration, wider) < _most_mm(calibration, offset.covariance):
         return offset.with_findings(told)
-    noise = replace(calibration.noise, covariance=wider)
-    return replace(offset, covariance=wider, noise=noise).with_findings(told)
+    return widened(offset, wider, rows, told)
 
 
 def _smooth(
@@ -97,14 +98,15 @@ def _most_mm(calibration: Calibration, covariance: Array) -> float:
 
 
 def _finding(calibration: Calibration, found: SmoothError) -> Diagnostic:
-    moved = 1.96 * _most_mm(calibration, found.covariance)
+    moved, sure = 1.96 * _most_mm(calibration, found.covariance), found.gain > SURE_GAIN
+    share = "share" if sure else "may share"
     return Diagnostic(
         code="error-follows-pose",
-        severity="warning",
+        severity="warning" if sure else "info",
         message=(
-            f"images near in pose share an error of {found.sigma_mm:.2f} mm beside the {found.own_mm:.2f} mm of single "
-            f"rows, whenever they were taken; it may move the calibration by up to {moved:.2f} mm (95 %) in the image, "
-            "which the predicted error counts"
+            f"images near in pose {share} an error of {found.sigma_mm:.2f} mm beside the {found.own_mm:.2f} mm of "
+            f"single rows, whenever they were taken; it may move the calibration by up to {moved:.2f} mm (95 %) in the "
+            "image, which the predicted error counts"
         ),
         advice=(
             "look for metal near an electromagnetic tracker, a needle that bends, or a marker seen askew; scan in the "

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from sonocal.calibration import Calibration, point_line_rows
+from sonocal.calibration.widened import widened
 from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -51,10 +50,7 @@ def with_tracker_offset(
     if found is None or found.p_value > SURE or np.linalg.norm(found.offset_mm) < LEAST_MM:
         return calibration
     wider = calibration.covariance + np.outer(found.moved, found.moved)
-    wider_noise = replace(calibration.noise, covariance=wider)
-    return replace(calibration, covariance=wider, noise=wider_noise).with_findings(
-        [_finding(calibration, found)]
-    )
+    return widened(calibration, wider, rows, [_finding(calibration, found)])
 
 
 def probe_from_tracker(recording: Recording, posing: Posing) -> Array | None:

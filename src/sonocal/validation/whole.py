@@ -154,7 +154,7 @@ def validate_points(calibration: Calibration, sightings: PointSightings) -> Vali
         attempts.run("spread", lambda: fixed_point_spread(calibration.probe_from_image, sightings))
     findings = list(attempts.failures)
     for measured in attempts.quantities:
-        findings += point_findings(calibration, sightings.points_px, measured)
+        findings += point_findings(calibration, sightings, measured)
     return Validation(tuple(attempts.quantities), tuple(findings), None, sightings.source, sightings.sha256)
 
 
