@@ -105,6 +105,11 @@ def test_a_log_without_a_clock_has_no_times(tmp_path):
             FormatError,
             "a.csv, line 13: ends after 34 cells, within a tool; delete the line if the log was cut there",
         ),
+        (
+            lambda text: text.replace("ToolCount", "Time,Distance,Tools").replace("\n2,", "\n2\n,"),
+            FormatError,
+            "a.csv, line 2: ends after 1 cells, before its tools; delete the line if the log was cut there",
+        ),
         (lambda text: text.splitlines()[0], InputError, "a.csv: has a header but no rows; record it again"),
         (
             lambda text: text.replace(",Tz,", ",T,"),

@@ -74,6 +74,11 @@ class Block:
             yield from (row[start : start + self.last + 1] for start in self.starts)
             return
         start = self.starts[0]
+        if len(row) < start:
+            raise FormatError(
+                f"{self.name}, line {line}: ends after {len(row)} cells, before its tools; delete the line if the log "
+                "was cut there"
+            )
         count = row[start - 1].strip() if start else ""
         left = int(count) if count.isdecimal() and len(count) < MOST_DIGITS else len(row)
         while start < len(row):
