@@ -1,5 +1,6 @@
 """The command line on recordings: calibrate, detect, tool, info."""
 
+import gzip
 import json
 from dataclasses import replace
 
@@ -754,3 +755,42 @@ def test_angles_and_markers_are_told_on_the_command_line(tmp_path):
     assert "4 markers were fitted to the model given, 0.00 mm" in done.output
     wrong = run("info", tmp_path / "markers.csv", "--markers", tmp_path / "markers.csv")
     assert "name a file of points (.toml), each a marker in its tool's frame" in wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ("calibrate", "needle.toml", "--lines", "Probe.csv"),
+            "needle.toml: is a file of needles, wires or points; name",
+        ),
+        (
+            ("info", "Probe.csv", "--poses", "needle.toml"),
+            "needle.toml: is a file of needles, wires or points; name",
+        ),
+        (
+            ("tool", "needle.toml"),
+            "needle.toml: is a file of needles, wires or points; name a recording in its place",
+        ),
+        (
+            ("info", "needle.toml", "--poses", "Probe.csv"),
+            "--poses is for recordings, and needle.toml is none",
+        ),
+        (("info", "packed.csv"), "packed.csv: is compressed (gzip); unpack it first"),
+        (
+            ("calibrate", "Probe.csv", "--lines", "packed.csv"),
+            "packed.csv: is compressed (gzip); unpack it first",
+        ),
+        (("calibrate", "packed.csv"), "packed.csv: is compressed (gzip); unpack it first"),
+    ],
+)
+def test_files_in_each_others_place_and_packed_ones_are_called_what_they_are(
+    tmp_path, monkeypatch, arguments, words
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "needle.toml").write_text(POINT)
+    (tmp_path / "Probe.csv").write_text("t,qw,qx,qy,qz,x,y,z\n0,1,0,0,0,1,2,3\n")
+    (tmp_path / "packed.csv").write_bytes(gzip.compress((tmp_path / "Probe.csv").read_bytes()))
+    done = run(*arguments)
+    assert done.exit_code in (1, 2)
+    assert words in " ".join(done.stderr.split())

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sonocal.errors import InputError, UnsupportedError
-from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
+from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, refuse_container, suffixes_of
 from sonocal.recording.formats import pose_csv
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
 from sonocal.recording.formats.registry import refuse_table
@@ -38,6 +38,7 @@ def format_of(path: Path) -> Format:
     head = Head.of(path)
     if found := recognise(head, FORMATS):
         return found
+    refuse_container(head)
     refuse_table(head)
     raise UnsupportedError(
         f"{path.name}: is {head.looks_like} in no format that sonocal reads; it reads {_what_is_read()}"
@@ -67,6 +68,8 @@ def require_kind(path: Path, wanted: tuple[Kind, ...], advice: str) -> None:
     found = recognise(head, FORMATS)
     if found is not None and found.kind not in wanted:
         raise InputError(f"{path.name}: is {_KINDS[found.kind]}; {advice}")
+    if found is None:
+        refuse_container(head)
     if head.is_page:
         raise InputError(f"{path.name}: is {head.looks_like} and not {_KINDS[wanted[0]]}; {advice}")
 

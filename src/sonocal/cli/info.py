@@ -17,8 +17,9 @@ from sonocal.cli.options import (
     POSES,
     console,
     progress,
+    typed,
 )
-from sonocal.cli.reading import read_given
+from sonocal.cli.reading import OF_READING, read_given
 from sonocal.cli.screen.plain import say_json
 from sonocal.cli.told import table_doubts, unit_doubts
 
@@ -55,6 +56,8 @@ def info(file: Path, *, quick: bool, as_json: bool, **reading: Any) -> None:
     from sonocal.cli.formats import format_of
 
     found = format_of(file)
+    if found.kind != "recording" and (names := typed((*OF_READING, "quick"))):
+        raise click.UsageError(f"{names[0]} is for recordings, and {file.name} is none; leave it out")
     if found.kind == "recording":
         record, show = _recording(file, reading, quick=quick)
     else:

@@ -20,8 +20,14 @@ OF_READING = ("poses", "angles", "markers", "latency_s", "on_invalid")
 
 def read_given(path: Path, options: Mapping[str, Any]) -> Recording:
     """The recording, read with those of `OF_READING` that a command has."""
+    from sonocal.cli.formats import require_kind
     from sonocal.recording.formats import read_recording
 
+    require_kind(
+        path, ("recording",), "name a recording in its place; needles and wires are given with --lines"
+    )
+    for file in options.get("poses", ()):
+        require_kind(file, ("recording",), "name the tracker's own recording with --poses")
     return read_recording(
         path,
         options.get("poses") or None,

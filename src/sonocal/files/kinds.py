@@ -13,11 +13,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
+from sonocal.errors import UnsupportedError
 from sonocal.files.disk import read_at
 from sonocal.files.tables import is_number, separator_of
 from sonocal.files.text import decoded
 
-__all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "suffixes_of"]
+__all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "refuse_container", "suffixes_of"]
 
 Kind = Literal[
     "calibration", "device set", "known points", "observations", "points", "recording", "targets"
@@ -26,13 +27,13 @@ Kind = Literal[
 HEAD_BYTES = 4096
 # What files start with that are often given under the name of what was put into them.
 CONTAINERS = (
-    (b"\x1f\x8b", "compressed (gzip): unpack it first,"),
-    (b"BZh", "compressed (bzip2): unpack it first,"),
-    (b"\xfd7zXZ", "compressed (xz): unpack it first,"),
-    (b"7z\xbc\xaf", "an archive (7z): unpack it first,"),
-    (b"PK\x03\x04", "an Excel workbook (.xlsx) or another zip archive: save the sheet as CSV, or unpack it,"),
-    (b"\xd0\xcf\x11\xe0", "an Excel workbook (.xls): save the sheet as CSV,"),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file, whatever its name says,"),
+    (b"\x1f\x8b", "compressed (gzip); unpack it first"),
+    (b"BZh", "compressed (bzip2); unpack it first"),
+    (b"\xfd7zXZ", "compressed (xz); unpack it first"),
+    (b"7z\xbc\xaf", "an archive (7z); unpack it first"),
+    (b"PK\x03\x04", "an Excel workbook (.xlsx) or another zip archive; save the sheet as CSV, or unpack it"),
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook (.xls); save the sheet as CSV"),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file, whatever its name says; export it as text"),
 )
 TABLE_SUFFIXES = (".csv", ".txt")
 
@@ -115,8 +116,6 @@ class Head:
             return "a web page (HTML), whatever its name says,"
         if not self.content.strip():
             return "an empty file"
-        if container := self.container:
-            return container
         if b"\0" in self.text:
             return "binary data"
         return "XML" if self.text.startswith(b"<") else "text"
@@ -152,6 +151,16 @@ class Format:
     needs: tuple[str, ...] = ()
     header: str = ""
     options: tuple[str, ...] = ()
+
+
+def refuse_container(head: Head) -> None:
+    """Raise if a file that no format claims is another program's packing, whatever its name says.
+
+    Raises:
+        UnsupportedError: it is.
+    """
+    if head.container:
+        raise UnsupportedError(f"{head.path.name}: is {head.container}")
 
 
 def recognise(head: Head, formats: Iterable[Format]) -> Format | None:

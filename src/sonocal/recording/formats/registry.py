@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sonocal.errors import FormatError, InputError, UnsupportedError
-from sonocal.files.kinds import Format, Head, recognise, suffixes_of
+from sonocal.files.kinds import Format, Head, recognise, refuse_container, suffixes_of
 from sonocal.recording.formats import (
     c3d,
     dicom,
@@ -170,6 +170,8 @@ def _recognised(path: Path) -> Format:
     if not path.is_dir() and not head.content.strip():
         raise InputError(f"{path.name}: is empty; record it again")
     found = recognise(head, FORMATS)
+    if found is None:
+        refuse_container(head)
     if found is None or not found.sniff(head):
         refuse_table(head)
     if found is None and head.text.startswith(b"<"):
