@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonocal import FormatError, InputError
-from sonocal.files.tables import csv_text, parse_table, separator_of
+from sonocal.files.separators import separator_of
+from sonocal.files.tables import csv_text, parse_table
 
 CELLS = st.text(st.characters(codec="utf-8", exclude_characters="\0\r"), max_size=10)
 NAMES = st.lists(
@@ -90,6 +91,30 @@ def test_decimal_commas_are_points(separator, numbers):
     cells = [repr(x).replace(".", ",") for x in numbers]
     text = f"x{separator}y\n" + "".join(f"{cell}{separator}1\n" for cell in cells)
     assert parse_table("a.csv", text).numbers("x").tolist() == numbers
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "a;b;c\n1,2,3\n",
+            "separates cells by commas where the header does by semicolons; write one of the two all over",
+        ),
+        (
+            "a,b\n1\t2\n",
+            "separates cells by tabs where the header does by commas; write one of the two all over",
+        ),
+        (
+            "a,b\n0,5,1,25\n",
+            "has 4 cells where the header has 2; if its commas are decimal ones, separate cells by semicolons",
+        ),
+        ("a;b\n1;2;3\n", "has 3 cells where the header has 2; quote cells that hold a semicolon"),
+    ],
+)
+def test_what_separates_a_row_that_does_not_fit_is_named(text, words):
+    with pytest.raises(FormatError) as caught:
+        parse_table("a.csv", text)
+    assert str(caught.value) == f"a.csv, line 2: {words}"
 
 
 def test_commas_beside_decimal_points_may_part_thousands(tmp_path):

@@ -15,7 +15,8 @@ from typing import Any, Literal
 
 from sonocal.errors import UnsupportedError
 from sonocal.files.disk import read_at
-from sonocal.files.tables import is_number, separator_of
+from sonocal.files.separators import separator_of
+from sonocal.files.tables import is_number
 from sonocal.files.text import decoded
 
 __all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "refuse_container", "suffixes_of"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
+from sonocal.files.separators import other_width, separator_of
 from sonocal.files.text import decoded
 
 __all__ = [
@@ -27,11 +27,8 @@ __all__ = [
     "csv_text",
     "is_number",
     "parse_table",
-    "separator_of",
 ]
 
-QUOTED = re.compile(r'"[^"]*(?:"|$)')
-DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 # Rows that are held as such, until they stand in columns.
 ROWS_AT_ONCE = 4096
 # Of which decimal points are looked for, where commas could be decimal ones.
@@ -121,19 +118,6 @@ def csv_text(name: str, content: bytes, what: str) -> str:
     return text
 
 
-def separator_of(text: str) -> str:
-    """What separates the cells of a table: comma, semicolon or tab, by its first line that is not blank."""
-    start = len(text) - len(text.lstrip())
-    end = text.find("\n", start)
-    line = QUOTED.sub("quoted", text[start:] if end < 0 else text[start:end])
-    counts = {separator: line.count(separator) for separator in "\t;"}
-    counts[","] = DECIMAL_COMMA.sub("", line).count(",")
-    if not any("\t" in cell.strip() for cell in line.split(",")):
-        counts["\t"] = 0  # blanks beside commas
-    most = max(counts, key=counts.__getitem__)
-    return most if counts[most] else ","
-
-
 def parse_table(name: str, text: str) -> Table:
     """A table with one header line, which may have no rows.
 
@@ -165,11 +149,7 @@ def _columns(
         cells, ends = zip(*some, strict=True)
         if {*map(len, cells)} != {width}:
             row, line = next((row, line) for row, line in some if len(row) != width)
-            word = {",": "comma", ";": "semicolon", "\t": "tab"}[separator]
-            raise FormatError(
-                f"{name}, line {line}: has {len(row)} cells where the header has {width}; "
-                f"quote cells that hold a {word}"
-            )
+            raise other_width(f"{name}, line {line}", row, width, separator)
         for column, part in zip(columns, zip(*cells, strict=True), strict=True):
             column.extend(part)
         lines.extend(ends)

@@ -21,7 +21,8 @@ import numpy as np
 from sonocal.errors import InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head
-from sonocal.files.tables import cells_to_numbers, csv_lines, separator_of
+from sonocal.files.separators import separator_of
+from sonocal.files.tables import cells_to_numbers, csv_lines
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.angles import quaternions_from_angles
 from sonocal.recording.formats.parts.ndi_rows import QUATERNION, Block

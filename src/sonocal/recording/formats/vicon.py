@@ -23,7 +23,8 @@ import numpy as np
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head
-from sonocal.files.tables import cells_to_numbers, csv_lines, is_number, separator_of
+from sonocal.files.separators import separator_of
+from sonocal.files.tables import cells_to_numbers, csv_lines, is_number
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
