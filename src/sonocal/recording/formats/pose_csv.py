@@ -31,6 +31,7 @@ from sonocal.geometry import Array
 from sonocal.recording.formats.ndi import is_ndi
 from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
 from sonocal.recording.formats.parts.pose_columns import MM_PER_UNIT, Part, PoseColumn, pose_column, tools_in
+from sonocal.recording.formats.parts.pose_csv_write import write_pose_csv
 from sonocal.recording.formats.parts.sequence_fields import TRANSFORM
 from sonocal.recording.formats.parts.stamps import times_of
 from sonocal.recording.model import Provenance, Recording
@@ -218,4 +219,6 @@ FORMAT = Format(
     read=read_pose_csv,
     options=("angles",),
     holds="a 4 x 4 matrix in one cell or in columns; quaternion or angles of a stated order, and place",
+    write=write_pose_csv,
+    writes=(".csv",),
 )

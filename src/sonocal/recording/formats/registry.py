@@ -16,12 +16,16 @@ from sonocal.recording.formats import (
     dicom,
     image,
     image_folder,
+    kretz,
     metaio,
     motive,
     ndi,
     nrrd,
     pose_csv,
+    rosbag,
+    slicer_scene,
     tum,
+    tus_rec,
     vicon,
     video,
 )
@@ -31,12 +35,13 @@ from sonocal.recording.markers import Markers
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 
-__all__ = ["FORMATS", "read_recording", "refuse_table", "write_recording"]
+__all__ = ["FORMATS", "files_written", "read_recording", "refuse_table", "write_recording"]
 
 # In the order of the documentation. What no format claims by its content goes to the first that its name fits.
 FORMATS: tuple[Format, ...] = (
     metaio.FORMAT,
     nrrd.FORMAT,
+    slicer_scene.FORMAT,
     pose_csv.FORMAT,
     motive.FORMAT,
     vicon.FORMAT,
@@ -44,7 +49,10 @@ FORMATS: tuple[Format, ...] = (
     tum.FORMAT,
     c3d.FORMAT,
     video.FORMAT,
+    rosbag.FORMAT,
+    tus_rec.FORMAT,
     dicom.FORMAT,
+    kretz.FORMAT,
     image.FORMAT,
     image_folder.FORMAT,
 )
@@ -61,8 +69,8 @@ def read_recording(
 ) -> Recording:
     """Read a recording of any format.
 
-    A video or folder of images is joined by time stamp with its tracker's poses: those of `poses`, or else
-    the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
+    A video or folder of images without poses is joined by time stamp with its tracker's: those of `poses`, or
+    else the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
 
     Args:
         path: the file, or the folder of images.
@@ -81,7 +89,7 @@ def read_recording(
     told = {"angles": angles and check_angles(angles), "markers": tuple(markers)}
     found = _recognised(path)
     images = _read(found, path, told)
-    files = _poses_beside(path, found) if poses is None else _files(poses)
+    files = _files(poses) if poses is not None else [] if images.poses else _poses_beside(path, found)
     formats = [_recognised(file) for file in files]
     _refuse_unused(told, [found, *formats], [path, *files])
     trackers = [_read(one, file, told) for one, file in zip(formats, files, strict=True)]
@@ -101,7 +109,7 @@ def _files(poses: str | Path | Sequence[str | Path]) -> list[Path]:
     """The files of poses, each of which must be one."""
     files = [Path(poses)] if isinstance(poses, (str, Path)) else [*map(Path, poses)]
     for file in files:
-        if file.is_dir():
+        if file.is_dir() and not rosbag.is_bag_folder(file):
             raise InputError(f"{file}: is a directory; name the table of poses in it")
     return files
 
@@ -132,7 +140,10 @@ def _refuse_exchanged(images: Recording, trackers: Sequence[Recording]) -> None:
 
 
 def write_recording(recording: Recording, path: str | Path, compress: bool = True) -> None:
-    """Write a recording: ``.mha`` and ``.mhd`` as a PLUS sequence metafile, ``.nrrd`` as a PLUS NRRD sequence.
+    """Write a recording, in the format that its name says.
+
+    ``.mha`` and ``.mhd`` are a PLUS sequence metafile, ``.nrrd`` a PLUS NRRD sequence; ``.csv`` a table of the poses of
+    a tracker alone; ``.mkv`` a video without loss, with the table of poses beside it.
 
     Raises:
         UnsupportedError: the name ends otherwise.
@@ -146,6 +157,12 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     raise UnsupportedError(
         f"{path}: recordings are written as {', '.join(most)} or {last}; choose one of these names"
     )
+
+
+def files_written(path: Path) -> tuple[Path, ...]:
+    """The files that `write_recording` may write where it is told to write one."""
+    beside = {".mhd": (".zraw", ".raw"), ".mkv": (".csv",)}.get(path.suffix.lower(), ())
+    return (path, *(path.with_suffix(suffix) for suffix in beside))
 
 
 def refuse_table(head: Head) -> None:

@@ -12,13 +12,13 @@ __all__ = ["needed"]
 
 
 def needed(module: str, path: Path, sentence: str, extra: str = "io") -> Any:
-    """A module of an extra.
+    """A module of an optional package.
 
     Args:
         module: as it is imported.
         path: of the file, for the message.
         sentence: such as "videos need PyAV".
-        extra: that brings it.
+        extra: of sonocal, which brings it.
 
     Raises:
         UnsupportedError: it is not installed.
