@@ -8,6 +8,7 @@ Prints a table; ratios are what to compare between machines. Times are the best 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -32,6 +33,7 @@ DATA = Path(__file__).parent.parent.parent / "shared" / "data" / "recordings"
 REAL = "fCal_Test_Calibration_3NWires.igs.mha"
 FRAMES, SIZE = 188, (820, 616)
 TRACKER_ITEMS = 100_000
+TABLE_ROWS = 200_000
 ROUNDS = 5
 
 
@@ -76,6 +78,33 @@ def tracker_alone(folder):
     path = folder / "tracker.igs.mha"
     write_recording(Recording(times=np.arange(TRACKER_ITEMS) / 100, poses={p.name: p for p in poses}), path)
     return path
+
+
+def table_of_poses(folder):
+    """A table of one tool: a time, a quaternion, a place."""
+    rng = np.random.default_rng(0)
+    quaternions = rng.normal(size=(TABLE_ROWS, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    rows = np.column_stack(
+        [np.arange(TABLE_ROWS) / 100, quaternions, rng.uniform(-500, 500, (TABLE_ROWS, 3))]
+    )
+    names = ",".join(["time_s", *(f"Probe_{k}" for k in ("qw", "qx", "qy", "qz", "x", "y", "z"))])
+    path = folder / "poses.csv"
+    np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=names, comments="")
+    return path
+
+
+def processor_time_of_info(path):
+    """Seconds of processor time that `sonocal info` takes, the start of Python with it; the least of some."""
+    times = []
+    for _ in range(ROUNDS):
+        start = os.times()
+        subprocess.run(
+            [sys.executable, "-m", "sonocal", "info", str(path)], stdout=subprocess.DEVNULL, check=True
+        )
+        end = os.times()
+        times.append(end.children_user - start.children_user + end.children_system - start.children_system)
+    return min(times)
 
 
 def simpleitk(path):
@@ -128,6 +157,9 @@ def main():
         seconds = best(lambda: read_recording(path))
         print(f"{TRACKER_ITEMS} items of two tools, no images, {path.stat().st_size / 1e6:.0f} MB")
         print(f"  sonocal                   {seconds:7.2f} s")
+        path = table_of_poses(Path(name))
+        print(f"{TABLE_ROWS} poses in a CSV table, {path.stat().st_size / 1e6:.0f} MB")
+        print(f"  sonocal info              {processor_time_of_info(path):7.2f} s of processor time")
 
 
 if __name__ == "__main__":

@@ -75,6 +75,8 @@ CODES = {
     "private-volumes": "volumes that are not read stand beside the pictures",
     "scan-converted": "a volume was brought from beams to cubes",
     "motive-axes": "Motive's world has Y up",
+    "time-unit": "times are not in seconds",
+    "marker-fit": "how well markers fit a rigid body",
     # tools
     "repeated-poses": "poses repeat others to the last digit",
     "little-tilt": "the tool was hardly tilted",

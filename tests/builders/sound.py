@@ -21,6 +21,15 @@ from tests.builders.recordings import random_pixels, random_poses, random_record
 from tests.builders.scenes import image_sequence, transform_sequence, write_scene
 from tests.builders.tables import matrices_in, motive
 from tests.builders.targets import LINE, PHANTOM, POINT
+from tests.builders.trackers import (
+    c3d_file,
+    marker_places,
+    ndi_capi,
+    ndi_toolbox,
+    tum,
+    vicon_bodies,
+    vicon_markers,
+)
 from tests.builders.videos import video_with_texts
 
 KNOWN_POINTS = b"u_px,v_px,x_mm,y_mm,z_mm,target\n1,2,3,4,5,a\n6,7,8,9,1,a\n"
@@ -64,6 +73,40 @@ def pose_tables(folder):
 def motive_tables(folder):
     motive(folder / "motive.csv", random_poses(np.random.default_rng(0), 12), blank=(2,))
     return [folder / "motive.csv"]
+
+
+def ndi_logs(folder):
+    first, second = (random_poses(np.random.default_rng(i), 12) for i in range(2))
+    tools = {"Probe s/n:1": first, "Port 0x02: Needle s/n:2": second}
+    (folder / "capi.csv").write_text(ndi_capi(tools, lost=(3,), markers=2))
+    (folder / "toolbox.tsv").write_text(ndi_toolbox(tools, lost=(3,)))
+    (folder / "angles.csv").write_text(ndi_toolbox(tools, separator=",", euler=True))
+    return [folder / "capi.csv", folder / "toolbox.tsv", folder / "angles.csv"]
+
+
+def trajectories(folder):
+    matrices = random_poses(np.random.default_rng(0), 12)
+    (folder / "probe.txt").write_text(tum(matrices))
+    (folder / "needle.tum").write_text(tum(matrices, comment=""))
+    return [folder / "probe.txt", folder / "needle.tum"]
+
+
+def vicon_exports(folder):
+    matrices = random_poses(np.random.default_rng(0), 12)
+    (folder / "bodies.csv").write_text(vicon_bodies({"Probe": matrices, "Needle": matrices}, lost=(2,)))
+    labels = [f"Probe:{i}" for i in range(4)]
+    (folder / "markers.csv").write_text(vicon_markers(marker_places(matrices), labels, hidden={(1, 2)}))
+    return [folder / "bodies.csv", folder / "markers.csv"]
+
+
+def c3d_files(folder):
+    places, labels = (
+        marker_places(random_poses(np.random.default_rng(0), 12)),
+        [f"Probe:{i}" for i in range(4)],
+    )
+    c3d_file(folder / "mm.c3d", places, labels, hidden={(1, 2)})
+    c3d_file(folder / "m.c3d", places, labels, unit="m")
+    return [folder / "mm.c3d", folder / "m.c3d"]
 
 
 def dicoms(folder):
@@ -215,6 +258,10 @@ SOUND = {
     "PLUS and Slicer NRRD sequence, NRRD image": sequences(".nrrd"),
     "CSV of poses": pose_tables,
     "OptiTrack Motive CSV": motive_tables,
+    "Vicon CSV": vicon_exports,
+    "NDI log": ndi_logs,
+    "TUM trajectory": trajectories,
+    "C3D": c3d_files,
     "video": videos,
     "ROS bag": rosbags("1", "1 lz4", "mcap file", "mcap zstd", "sqlite3 file", "sqlite3 message"),
     "Slicer scene": scenes,

@@ -1,5 +1,6 @@
 """The command line on recordings: calibrate, detect, tool, info."""
 
+import gzip
 import json
 from dataclasses import replace
 
@@ -31,6 +32,7 @@ from tests.builders.recordings import (
 )
 from tests.builders.targets import PHANTOM, POINT
 from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
+from tests.builders.trackers import SHAPE, marker_places, vicon_markers
 
 
 def run(*arguments, width=80):
@@ -759,3 +761,79 @@ def test_a_tip_is_compared_with_where_it_was_said_to_be(tools, tmp_path):
     )
     assert alone.exit_code == 1
     assert "has no tip to compare with --expected" in alone.output
+
+
+def test_info_joins_several_files_of_poses_and_says_how_times_were_read(tmp_path):
+    for name in ("Probe", "Needle"):
+        rows = [f"{1_700_000_000_000 + 50 * i},1,0,0,0,{i},0,0" for i in range(20)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["Timestamp,qw,qx,qy,qz,x,y,z", *rows]))
+    done = run("info", tmp_path / "Probe.csv", "--poses", tmp_path / "Needle.csv", width=200)
+    assert done.exit_code == 0, done.output
+    for words in (
+        "ProbeToTracker",
+        "NeedleToTracker",
+        "20.0 a second",
+        "Timestamp was read as milliseconds, since",
+    ):
+        assert words in done.output
+
+
+def test_angles_and_markers_are_told_on_the_command_line(tmp_path):
+    (tmp_path / "Probe.csv").write_text("t,rx_deg,ry_deg,rz_deg,x,y,z\n0,10,20,30,1,2,3\n1,0,0,0,1,2,3\n")
+    refused = run("info", tmp_path / "Probe.csv")
+    assert refused.exit_code == 1
+    assert "with --angles: ZYX or another order of axes" in refused.stderr
+    assert run("info", tmp_path / "Probe.csv", "--angles", "ZYX").exit_code == 0
+    labels = "abcd"
+    places = marker_places(random_poses(np.random.default_rng(0), 12))
+    (tmp_path / "markers.csv").write_text(vicon_markers(places, labels))
+    assert "or say with --markers which are of one tool" in run("info", tmp_path / "markers.csv").stderr
+    points = [
+        f'[[point]]\nname = "{label}"\nframe = "Probe"\nat_mm = {place.tolist()}\n'
+        for label, place in zip(labels, SHAPE, strict=True)
+    ]
+    (tmp_path / "points.toml").write_text("\n".join(points))
+    done = run("info", tmp_path / "markers.csv", "--markers", tmp_path / "points.toml", width=200)
+    assert done.exit_code == 0, done.output
+    assert "4 markers were fitted to the model given, 0.00 mm" in done.output
+    wrong = run("info", tmp_path / "markers.csv", "--markers", tmp_path / "markers.csv")
+    assert "name a file of points (.toml), each a marker in its tool's frame" in wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ("calibrate", "needle.toml", "--lines", "Probe.csv"),
+            "needle.toml: is a file of needles, wires or points; name",
+        ),
+        (
+            ("info", "Probe.csv", "--poses", "needle.toml"),
+            "needle.toml: is a file of needles, wires or points; name",
+        ),
+        (
+            ("tool", "needle.toml"),
+            "needle.toml: is a file of needles, wires or points; name a recording in its place",
+        ),
+        (
+            ("info", "needle.toml", "--poses", "Probe.csv"),
+            "--poses is for recordings, and needle.toml is none",
+        ),
+        (("info", "packed.csv"), "packed.csv: is compressed (gzip); unpack it first"),
+        (
+            ("calibrate", "Probe.csv", "--lines", "packed.csv"),
+            "packed.csv: is compressed (gzip); unpack it first",
+        ),
+        (("calibrate", "packed.csv"), "packed.csv: is compressed (gzip); unpack it first"),
+    ],
+)
+def test_files_in_each_others_place_and_packed_ones_are_called_what_they_are(
+    tmp_path, monkeypatch, arguments, words
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "needle.toml").write_text(POINT)
+    (tmp_path / "Probe.csv").write_text("t,qw,qx,qy,qz,x,y,z\n0,1,0,0,0,1,2,3\n")
+    (tmp_path / "packed.csv").write_bytes(gzip.compress((tmp_path / "Probe.csv").read_bytes()))
+    done = run(*arguments)
+    assert done.exit_code in (1, 2)
+    assert words in " ".join(done.stderr.split())

@@ -152,3 +152,31 @@ def test_ctrl_c_ends_the_cores_long_work():
         [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.stdout, done.returncode) == ("stopped\n", 0), done.stderr
+
+
+LOG = "ToolCount,ToolInfo,Frame#,PortHandle,Face#,TransformStatus,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error,#Markers\n"
+VICON = "Objects\n100\n,,A:A\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ\n,,,,,,mm,mm,mm\n"
+POSES = "t,qw,qx,qy,qz,x,y,z\n"
+TOOLS = "t," + ",".join(f"T{i}_{k}" for i in range(20_000) for k in ("qw", "qx", "qy", "qz", "x", "y", "z"))
+OF_TRACKERS = {
+    "a long cell": POSES + '0,1,0,0,0,1,2,"' + "3" * 20_000_000 + '"\n',
+    "a long name": POSES.strip() + " " * 20_000_000 + "\n0,1,0,0,0,1,2,3\n",
+    "a long cell of a log": LOG + '1,"' + "x " * 10_000_000 + '"\n',
+    "a wide row": POSES + "0" + ",1" * 3_000_000 + "\n",
+    "a wide row of a log": LOG + "1,A,1,P,1,OK,1,0,0,0,1,2,3,0,0" + ",1" * 3_000_000 + "\n",
+    "many tools": TOOLS + "\n0" + ",1,0,0,0,1,2,3" * 20_000 + ",4\n",
+    "another tool in every row": LOG
+    + "".join(f"1,T{i},{i},P,1,OK,1,0,0,0,1,2,3,0,0\n" for i in range(100_000)),
+    "a cut log": LOG + "1,A,1,P,1,OK,1,0,0,0,1,2,3,0,0\n" * 1000 + "1,A,1,P,1,OK,1,0",
+    "a cut trajectory": "0 1 2 3 0 0 0 1\n" * 1000 + "0 1 2",
+    "a cut header": VICON[:60],
+    "a wide line of a trajectory": "0 1 2 3 0 0 0 1\n" + "1 " * 3_000_000,
+}
+
+
+@pytest.mark.parametrize("name", OF_TRACKERS)
+def test_logs_of_trackers_of_any_shape_end_in_a_sentence(name, tmp_path):
+    (tmp_path / "a.csv").write_text(OF_TRACKERS[name])
+    said = read_apart(tmp_path / "a.csv")
+    assert said.count("\n") == 1
+    assert said.startswith("a.csv")

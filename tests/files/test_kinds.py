@@ -2,13 +2,14 @@
 
 import csv
 import io
+import re
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonocal import InputError
-from sonocal.files.kinds import Format, Head, recognise, suffixes_of
+from sonocal import InputError, UnsupportedError
+from sonocal.files.kinds import Format, Head, recognise, refuse_container, suffixes_of
 
 CELLS = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8)
 
@@ -88,3 +89,36 @@ def test_suffixes_are_named_once():
     assert suffixes_of(
         [made_up("a", b"", suffixes=(".a", ".b")), made_up("b", b"", suffixes=(".b", ".c"))]
     ) == (".a, .b, .c")
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "words"),
+    [
+        ("poses.csv", b"\x1f\x8b\x08", "compressed (gzip); unpack it first"),
+        ("a.igs.mha", b"\x1f\x8b\x08", "compressed (gzip); unpack it first"),
+        ("poses.csv", b"PK\x03\x04", "an Excel workbook (.xlsx)"),
+        ("poses.csv", b"\x89HDF\r\n\x1a\n", "an HDF5 file, whatever its name says; export it as text"),
+    ],
+)
+def test_what_is_packed_in_another_programs_file_is_called_so_whatever_its_name(tmp_path, name, start, words):
+    head = head_of(tmp_path / name, start + b"\0\1\2")
+    assert head.container.startswith(words)
+    with pytest.raises(UnsupportedError, match=re.escape(f"{name}: is {words}")):
+        refuse_container(head)
+    assert recognise(head, (made_up("a", b"A", suffixes=(".csv", ".mha")),)) is None
+    assert recognise(head, (made_up("a", start),)).name == "a"
+
+
+@pytest.mark.parametrize(
+    ("text", "lacks"),
+    [
+        (b"0,1.5,-2e3\n", True),
+        (b"# a, b\n0;1,5;2\n", True),
+        (b"0 1 2\n", True),
+        (b"1\n", False),
+        (b"t,1\n", False),
+        (b"time x\n", False),
+    ],
+)
+def test_a_table_without_a_header_starts_with_numbers(tmp_path, text, lacks):
+    assert head_of(tmp_path / "a.csv", text).lacks_header == lacks

@@ -10,11 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonocal import FormatError, InputError
+from sonocal.files.separators import separator_of
 from sonocal.files.tables import csv_text, parse_table
 
 CELLS = st.text(st.characters(codec="utf-8", exclude_characters="\0\r"), max_size=10)
 NAMES = st.lists(
-    st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"]), min_size=1, max_size=8),
+    st.text(
+        st.characters(codec="utf-8", exclude_categories=["C", "Z"], exclude_characters=";"),
+        min_size=1,
+        max_size=8,
+    ),
     min_size=1,
     max_size=5,
     unique=True,
@@ -64,6 +69,85 @@ def test_numbers_come_back_to_the_last_bit(numbers, blanks):
     read = parse_table("a.csv", "x,y\n" + "".join(f"{cell},1\n" for cell in cells))
     wanted = np.where(blanks[: len(numbers)], -7.5, numbers)
     assert read.numbers("x", blank=-7.5).tobytes() == wanted.tobytes()
+
+
+@given(table=written(), separator=st.sampled_from(";\t"))
+def test_semicolons_and_tabs_separate_as_commas_do(table, separator):
+    header, rows, content = table
+    plain = parse_table("a.csv", csv_text("a.csv", content, "this is"))
+    text = io.StringIO(newline="")
+    # A lone column has no separator, so that nothing tells one from a part of its name.
+    csv.writer(text, delimiter=separator, lineterminator="\n").writerows(
+        [[*row, "last"] for row in (header, *rows)]
+    )
+    read = parse_table("a.csv", text.getvalue())
+    assert read.separator == separator
+    assert {name: read.columns[name] for name in plain.header} == plain.columns
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+@given(numbers=st.lists(st.floats(allow_nan=False), min_size=1, max_size=20))
+def test_decimal_commas_are_points(separator, numbers):
+    cells = [repr(x).replace(".", ",") for x in numbers]
+    text = f"x{separator}y\n" + "".join(f"{cell}{separator}1\n" for cell in cells)
+    assert parse_table("a.csv", text).numbers("x").tolist() == numbers
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "a;b;c\n1,2,3\n",
+            "separates cells by commas where the header does by semicolons; write one of the two all over",
+        ),
+        (
+            "a,b\n1\t2\n",
+            "separates cells by tabs where the header does by commas; write one of the two all over",
+        ),
+        (
+            "a,b\n0,5,1,25\n",
+            "has 4 cells where the header has 2; if its commas are decimal ones, separate cells by semicolons",
+        ),
+        ("a;b\n1;2;3\n", "has 3 cells where the header has 2; quote cells that hold a semicolon"),
+    ],
+)
+def test_what_separates_a_row_that_does_not_fit_is_named(text, words):
+    with pytest.raises(FormatError) as caught:
+        parse_table("a.csv", text)
+    assert str(caught.value) == f"a.csv, line 2: {words}"
+
+
+def test_commas_beside_decimal_points_may_part_thousands(tmp_path):
+    table = parse_table("a.csv", "x;y\n1,234;0.5\n")
+    with pytest.raises(InputError) as caught:
+        table.numbers("x")
+    assert str(caught.value) == (
+        "a.csv, line 2, column y: '0.5' has a decimal point where numbers of the column x have commas; write one of "
+        "the two all over"
+    )
+    with pytest.raises(InputError, match="line 2, column x: '1,234,567' is not a number"):
+        parse_table("a.csv", "x;y\n1,234,567;1\n").numbers("x")
+
+
+@pytest.mark.parametrize(
+    ("line", "separator"),
+    [
+        ("a", ","),
+        ("", ","),
+        ("a,b", ","),
+        ("a;b", ";"),
+        ("a\tb", "\t"),
+        ("\n \na;b\n1,2", ";"),
+        ('"a;b;c",d', ","),
+        ('"a;b', ","),
+        ("0,05;1,5;-2,25", ";"),
+        ("0,1,2,3", ","),
+        ("a;b,c,d", ","),
+        ("\ta\t,\tb", ","),
+    ],
+)
+def test_the_first_line_says_what_separates_cells(line, separator):
+    assert separator_of(line) == separator
 
 
 @given(row=st.integers(0, 9), word=st.sampled_from(["one", "1,5", "0x10", "", " ", "1e", "--1", "1 2"]))

@@ -9,11 +9,13 @@ from scipy.spatial.transform import Rotation, Slerp
 from sonocal import DegenerateGeometryError, InputError
 from sonocal.recording import (
     Poses,
+    Provenance,
     Recording,
     bottom_line_signal,
     estimate_latency,
     interpolate_poses,
     join,
+    join_several,
     motion_signal,
     with_latency,
 )
@@ -188,3 +190,44 @@ def test_a_latency_that_is_no_number_is_refused(latency_s):
     recording = timed(random_poses(np.random.default_rng(0), 9), np.arange(9) / 8)
     with pytest.raises(InputError, match="recording: latency_s must be a number of seconds; got"):
         with_latency(recording, latency_s)
+
+
+def tracker(name, tool, times, matrices=None):
+    if matrices is None:
+        matrices = random_poses(np.random.default_rng(len(tool)), len(times))
+    poses = Poses.of(tool, "Tracker", matrices)
+    return Recording(
+        np.asarray(times, dtype=float), poses={poses.name: poses}, provenance=Provenance(name, "x", (name,))
+    )
+
+
+@given(seed=st.integers(0, 2**32), tools=st.integers(1, 4))
+def test_several_trackers_give_what_each_gives_alone(seed, tools):
+    rng = np.random.default_rng(seed)
+    images = tracker("images", "Reference", np.linspace(0, 1, 20))
+    others = [tracker(f"{i}.csv", f"Tool{i}", np.sort(rng.uniform(0, 1, 30))) for i in range(tools)]
+    joined = join_several(images, others, 0.01)
+    assert list(joined.poses) == ["tracker_from_reference", *(f"tracker_from_tool{i}" for i in range(tools))]
+    for one in (with_latency(images, 0.01), *(join(images, other, 0.01) for other in others)):
+        for name, poses in one.poses.items():
+            np.testing.assert_array_equal(joined.poses[name].matrices, poses.matrices)
+    assert joined.provenance.paths == ("images", *(f"{i}.csv" for i in range(tools)))
+    assert joined.latency_s == 0.01
+
+
+def test_recordings_that_do_not_overlap_are_named_with_their_spans():
+    images = tracker("a.csv", "Probe", [0.0, 0.1, 1.0])
+    with pytest.raises(InputError) as caught:
+        join_several(images, [tracker("b.csv", "Needle", [0.0, 1.0]), tracker("c.csv", "Wand", [7.0, 9.5])])
+    assert str(caught.value) == (
+        "a.csv spans 0.000 to 1.000 s and c.csv 7.000 to 9.500 s: they do not overlap; bring both to one clock"
+    )
+
+
+def test_a_tool_that_two_recordings_hold_is_named_with_both():
+    images = tracker("a.csv", "Probe", [0.0, 1.0])
+    with pytest.raises(InputError) as caught:
+        join_several(images, [tracker("b.csv", "Needle", [0.0, 1.0]), tracker("c.csv", "Needle", [0.0, 1.0])])
+    assert str(caught.value) == (
+        "c.csv: holds NeedleToTracker, and so does b.csv; rename one of the two tools, or leave the file out"
+    )

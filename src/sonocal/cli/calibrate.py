@@ -16,6 +16,7 @@ from sonocal.cli.from_recording import (
     from_recording,
 )
 from sonocal.cli.options import (
+    ANGLES,
     CENTRE,
     COUNT,
     FILE,
@@ -23,6 +24,7 @@ from sonocal.cli.options import (
     JSON,
     LATENCY,
     LINES,
+    MARKERS,
     MASK,
     NO_REPORT,
     POSES,
@@ -36,6 +38,7 @@ from sonocal.cli.options import (
     typed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
+from sonocal.cli.reading import OF_READING
 from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.cli.screen.plain import say_json
@@ -56,7 +59,7 @@ if TYPE_CHECKING:
 __all__ = ["calibrate"]
 
 OF_TABLES = ("fit_split", "test_split")
-OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETECTION)
+OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
 
 
 @click.command(short_help="Calibrate from a table of sightings (CSV) or from a recording.")
@@ -67,6 +70,8 @@ OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETE
     "--points", type=FILE, help="Points found in the images (CSV: frame, u_px, v_px[, w_px][, target])."
 )
 @POSES
+@ANGLES
+@MARKERS
 @PROBE
 @LATENCY
 @INVALID

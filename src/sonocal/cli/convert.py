@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sonocal.cli.options import FILE, INVALID, LATENCY, POSES, progress
+from sonocal.cli.options import ANGLES, FILE, INVALID, LATENCY, MARKERS, POSES, progress
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ __all__ = ["convert"]
 )
 @click.option("--raw", is_flag=True, help="Do not compress: larger, and read faster.")
 @POSES
+@ANGLES
+@MARKERS
 @LATENCY
 @INVALID
 @OVERWRITE
@@ -47,12 +50,12 @@ def convert(
     .mkv                 a video without loss, and the table of poses of the same name beside it;
                          8 bits, stamps to the ms
     """  # noqa: D301 - click leaves the lines below the escape alone
-    from sonocal.recording.formats import read_recording, write_recording
+    from sonocal.recording.formats import write_recording
     from sonocal.recording.formats.registry import files_written
 
     files = files_written(output)
     reserve(*files)
-    loaded = read_recording(recording, options["poses"], options["latency_s"], options["on_invalid"])
+    loaded = read_given(recording, options)
     if without_images:
         loaded = _tracker_alone(loaded)
     reserve(*files, read=loaded.provenance.paths)

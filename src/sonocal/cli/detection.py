@@ -9,12 +9,14 @@ from typing import Any
 import click
 
 from sonocal.cli.options import (
+    ANGLES,
     CENTRE,
     COUNT,
     FILE,
     INVALID,
     LATENCY,
     LINES,
+    MARKERS,
     MASK,
     POSES,
     PROBE,
@@ -23,6 +25,7 @@ from sonocal.cli.options import (
     seed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say
 
 __all__ = ["COMMANDS"]
@@ -109,6 +112,8 @@ def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options:
 )
 @click.option("--sheet", type=FILE, help="Contact sheet (PNG) to write.")
 @POSES
+@ANGLES
+@MARKERS
 @COUNT
 @CENTRE
 @MASK
@@ -129,7 +134,6 @@ def detect(
     from sonocal.files import write_atomically
     from sonocal.files.png import png
     from sonocal.observations import write_observations
-    from sonocal.recording.formats import read_recording
     from sonocal.sweep import Posing, tabulate
     from sonocal.sweep.calibrate import no_candidates
     from sonocal.sweep.contact_sheet import contact_sheet
@@ -137,7 +141,7 @@ def detect(
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
     files = [output, *([] if sheet is None else [sheet])]
-    loaded = read_recording(recording, options["poses"], options["latency_s"], options["on_invalid"])
+    loaded = read_given(recording, options)
     known, fixed = lines_in(lines)
     reserve(*files)
     with progress("detecting") as report:

@@ -15,8 +15,10 @@ from sonocal.errors import InputError, UnsupportedError
 from sonocal.existing.formats import FORMATS as MATRICES
 from sonocal.existing.formats import read_existing
 from sonocal.files.elsewhere import NAMES, USES, is_known_points, is_observations, is_points
-from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, suffixes_of
+from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, refuse_container, suffixes_of
+from sonocal.recording.formats import pose_csv
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
+from sonocal.recording.formats.registry import refuse_table
 from sonocal.targets.formats import FORMATS as TARGETS
 
 if TYPE_CHECKING:
@@ -50,6 +52,8 @@ def format_of(path: Path) -> Format:
     head = Head.of(path)
     if found := recognise(head, FORMATS):
         return found
+    refuse_container(head)
+    refuse_table(head)
     raise UnsupportedError(
         f"{path.name}: is {head.looks_like} in no format that sonocal reads; it reads {_what_is_read()}"
     )
@@ -78,6 +82,8 @@ def require_kind(path: Path, wanted: tuple[Kind, ...], advice: str = "") -> None
     found = recognise(head, FORMATS)
     if found is not None and found.kind not in wanted:
         raise InputError(f"{path.name}: is {NAMES[found.kind]}; {advice or USES[found.kind]}")
+    if found is None:
+        refuse_container(head)
     if head.is_page:
         raise InputError(
             f"{path.name}: is {head.looks_like} and not {NAMES[wanted[0]]}; {advice or 'download the file itself'}"
@@ -154,8 +160,13 @@ def _what_is_read() -> str:
     plain = [one for one in FORMATS if not one.header]
     kinds = dict.fromkeys(one.kind for one in plain)
     files = [f"{_plural(kind)} ({suffixes_of(one for one in plain if one.kind == kind)})" for kind in kinds]
-    tables = [f"{one.header} ({one.name})" for one in FORMATS if one.header]
-    return f"{', '.join(files)}, folders of images, and tables with {'; '.join(tables)}"
+    tables = [one for one in FORMATS if one.header]
+    free = [
+        f"{one.header} ({one.name})" for one in tables if one.kind != "recording" or one is pose_csv.FORMAT
+    ]
+    logs = [one.name for one in tables if one.kind == "recording" and one is not pose_csv.FORMAT]
+    logged, free_ones = ", ".join(logs), "; ".join(free)
+    return f"{', '.join(files)}, folders of images, logs of trackers ({logged}), and tables with {free_ones}"
 
 
 CALIBRATION_KINDS: tuple[Kind, ...] = ("calibration", "device set", "matrix")

@@ -13,6 +13,7 @@ from sonocal.cli.options import (
     typed,
 )
 from sonocal.cli.outputs import reserve
+from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say
 from sonocal.cli.told import refuse_units, unit_doubts
 from sonocal.errors import InputError, SonocalError
@@ -34,7 +35,7 @@ __all__ = [
 ]
 
 TABLE, SHEET, REFUSED_SHEET = "observations.csv", "contact-sheet.png", "refused-contact-sheet.png"
-OF_DETECTION, FILES = ("count", "centre", "mask"), ("points", "poses", "mask")
+OF_DETECTION, FILES = ("count", "centre", "mask"), ("points", "poses", "markers", "mask")
 BY_DATA = ("threshold_mm", "weighting")
 """Left to what suits lines and images, unless asked for: lines that are close to one another ask for less."""
 
@@ -69,9 +70,8 @@ def from_recording(
     """
     from sonocal.cli.formats import lines_in
     from sonocal.observations.table_file import as_file
-    from sonocal.recording.formats import read_recording
 
-    recording = read_recording(source, recorded["poses"], recorded["latency_s"], recorded["on_invalid"])
+    recording = read_given(source, recorded)
     known, fixed = lines_in(lines)
     refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
     refuse_units(lines.name, unit_doubts(lines=known), accepted=recorded["accept_units"])
@@ -149,7 +149,15 @@ def _with_provenance(
     """The calibration with what it came from: files with their digests, and the options of the recording."""
     from sonocal.files import digest
 
-    files = {**inputs, **{name: recorded[name] for name in FILES if recorded[name] is not None}}
+    files = {**inputs}
+    for name in FILES:
+        given_files = recorded[name] if name == "poses" else (recorded[name],)
+        # The first keeps the option's name: a calibration from one file says "poses", as it always did.
+        files |= {
+            f"{name} {i}" if i > 1 else name: path
+            for i, path in enumerate(given_files, 1)
+            if path is not None
+        }
     unused = OF_DETECTION if "points" in files else ()
     options = {
         name: value for name, value in recorded.items() if name not in (*FILES, *unused, "accept_units")

@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal.cli.options import (
+    ANGLES,
     FILE,
     JSON,
     LATENCY,
+    MARKERS,
     POSES,
     console,
     progress,
+    typed,
 )
+from sonocal.cli.reading import OF_READING, read_given
 from sonocal.cli.screen.plain import say_json
 from sonocal.cli.told import table_doubts, unit_doubts
 
@@ -38,12 +42,14 @@ Shown = tuple[Any, Callable[[], None]]
 @click.command(short_help="Show what is in a file, and what is wrong with it.")
 @click.argument("file", metavar="FILE", type=FILE)
 @POSES
+@ANGLES
+@MARKERS
 @LATENCY
 @click.option(
     "--quick", is_flag=True, help="Of recordings: do not decode the images to look for repeated ones."
 )
 @JSON
-def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_json: bool) -> None:
+def info(file: Path, *, quick: bool, as_json: bool, **reading: Any) -> None:
     """Show what is in a file, and what is wrong with it.
 
     Recordings, tables of sightings or points, calibrations, needles (.toml), PLUS device sets, matrices of other
@@ -52,8 +58,10 @@ def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_js
     from sonocal.cli.formats import format_of
 
     found = format_of(file)
+    if found.kind != "recording" and (names := typed((*OF_READING, "quick"))):
+        raise click.UsageError(f"{names[0]} is for recordings, and {file.name} is none; leave it out")
     if found.kind == "recording":
-        record, show = _recording(file, poses, latency_s, quick=quick)
+        record, show = _recording(file, reading, quick=quick)
     else:
         record, show = _SCREENS[found.kind](file.name, found.read(file))
     if as_json:
@@ -62,12 +70,11 @@ def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_js
         show()
 
 
-def _recording(file: Path, poses: Path | None, latency_s: float, *, quick: bool) -> Shown:
+def _recording(file: Path, reading: dict[str, Any], *, quick: bool) -> Shown:
     from sonocal.cli.screen.recording import print_recording
     from sonocal.recording import summarize
-    from sonocal.recording.formats import read_recording
 
-    recording = read_recording(file, poses, latency_s, "skip")
+    recording = read_given(file, reading | {"on_invalid": "skip"})
     with progress("looking at images") as report:
         summary = summarize(recording, look_at_images=not quick, progress=report)
     return summary, lambda: print_recording(console(), summary)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 __all__ = [
+    "ANGLES",
     "CENTRE",
     "COUNT",
     "FILE",
@@ -21,6 +22,7 @@ __all__ = [
     "JSON",
     "LATENCY",
     "LINES",
+    "MARKERS",
     "MASK",
     "NO_REPORT",
     "POSES",
@@ -94,7 +96,21 @@ LINES = click.option(
     "--lines", type=FILE, help="The needle or wires: needle.toml or a PLUS device set (XML)."
 )
 POSES = click.option(
-    "--poses", type=FILE, help="The tracker's own recording, beside a video or a folder of images."
+    "--poses",
+    type=FILE,
+    multiple=True,
+    help="The tracker's own recording, beside a video or a folder of images; again for each further file.",
+)
+ANGLES = click.option(
+    "--angles",
+    metavar="ORDER",
+    help="What three angles of a pose mean where their file does not say: ZYX or another order (capitals: about the "
+    "tool's own axes; small letters: about the tracker's), or vector.",
+)
+MARKERS = click.option(
+    "--markers",
+    type=FILE,
+    help="Where markers are in their tools' frames: points (.toml), for recordings of markers (C3D, Vicon).",
 )
 PROBE = click.option("--probe", default="Probe", show_default=True, help="What the probe's marker is called.")
 LATENCY = click.option(

@@ -62,7 +62,7 @@ def unit_doubts(
 ) -> list[Diagnostic]:
     """The doubts that what was read is in mm and px, before anything is fitted to it."""
     from sonocal.geometry.units import length_hints, needle_hints, unit_doubt
-    from sonocal.recording.health import unit_findings
+    from sonocal.recording.lengths import unit_findings
 
     found = [] if recording is None else [*unit_findings(recording)]
     for line in lines:

@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal.cli.options import (
+    ANGLES,
     FILE,
     INVALID,
     JSON,
+    MARKERS,
     console,
     seed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say, say_json
 from sonocal.cli.tips import expected_tip, place_of_tip
 from sonocal.cli.told import ACCEPT_UNITS, refuse_units
@@ -90,6 +93,8 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 )
 @click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
+@ANGLES
+@MARKERS
 @INVALID
 @ACCEPT_UNITS
 @seed("the random triples of poses")
@@ -158,14 +163,13 @@ def _refuse_half_a_stylus(options: dict[str, Any]) -> None:
 
 def _parts(recording: Path | None, options: dict[str, Any]) -> dict[str, Recording]:
     """What was recorded of the tool: each a file, or a range of frames of RECORDING."""
-    from sonocal.recording.formats import read_recording
-
+    reading = {name: options.pop(name) for name in ("angles", "markers")}
     files = {"first": recording, "second": options.pop("second"), "spin": options.pop("spin")}
     ranges = {"first": options.pop("frames")}
     ranges |= {name: options.pop(f"{name}_frames") for name in ("second", "spin")}
     if not any(files.values()):
         raise click.UsageError("Missing argument 'RECORDING'; give it, or --spin.")
-    read = {path: read_recording(path) for path in files.values() if path is not None}
+    read = {path: read_given(path, reading) for path in files.values() if path is not None}
     parts = {}
     for name, path in files.items():
         source = path or (recording if ranges[name] is not None else None)

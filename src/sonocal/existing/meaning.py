@@ -152,7 +152,7 @@ def _scale_findings(said: str, meaning: Meaning) -> Iterator[Diagnostic]:
 def _unit_doubt(said: str, least: float, most: float) -> Diagnostic:
     bound = f"less than {LEAST_SCALE:g}" if least < LEAST_SCALE else f"more than {MOST_SCALE:g}"
     value = least if least < LEAST_SCALE else most
-    units = Hint("", value, USUAL_SCALE).units()
+    units = Hint("", value, USUAL_SCALE).units("millimetres")
     question = " or ".join(units) or "millimetres"
     return Diagnostic(
         code="implausible-units",

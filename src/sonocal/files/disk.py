@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import BinaryIO
 
 from sonocal.errors import FormatError, InputError
+from sonocal.files.text import decoded
 
 TEXT_LIMIT = 64 << 20
 """Largest text file (CSV, XML, TOML) read in one piece, bytes: hours of poses fit in it."""
@@ -81,7 +82,7 @@ def read_at(path: Path, offset: int, count: int) -> bytes:
 
 
 def read_text(path: Path, what: str, limit: int = TEXT_LIMIT) -> str:
-    """The text of a UTF-8 file.
+    """The text of a file: UTF-8, or what its mark says.
 
     Raises:
         InputError: it cannot be read, or is larger than `limit`.
@@ -93,9 +94,12 @@ def read_text(path: Path, what: str, limit: int = TEXT_LIMIT) -> str:
             f"{path.name}: holds {size} bytes, more than the {limit} of {what}; is it the right file?"
         )
     try:
-        text = read_at(path, 0, size).decode("utf-8-sig")
+        text = decoded(read_at(path, 0, size))
     except UnicodeDecodeError as error:
-        raise FormatError(f"{path.name}: byte {error.start} is not UTF-8; {what} is UTF-8 text") from None
+        encoding = error.encoding.upper()
+        raise FormatError(
+            f"{path.name}: byte {error.start} is not {encoding}; {what} is UTF-8 text"
+        ) from None
     if "\0" in text:
         raise FormatError(f"{path.name}: holds a zero byte; {what} is UTF-8 text")
     return text

@@ -10,19 +10,32 @@ import csv
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
+from sonocal.errors import UnsupportedError
 from sonocal.files.disk import read_at
+from sonocal.files.separators import separator_of
+from sonocal.files.tables import is_number
+from sonocal.files.text import decoded
 
-__all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "suffixes_of"]
+__all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "refuse_container", "suffixes_of"]
 
 Kind = Literal[
     "calibration", "device set", "known points", "matrix", "observations", "points", "recording", "targets"
 ]  # fmt: skip
 
 HEAD_BYTES = 4096
+# What files start with that are often given under the name of what was put into them.
+CONTAINERS = (
+    (b"\x1f\x8b", "compressed (gzip); unpack it first"),
+    (b"BZh", "compressed (bzip2); unpack it first"),
+    (b"\xfd7zXZ", "compressed (xz); unpack it first"),
+    (b"7z\xbc\xaf", "an archive (7z); unpack it first"),
+    (b"PK\x03\x04", "an Excel workbook (.xlsx) or another zip archive; save the sheet as CSV, or unpack it"),
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook (.xls); save the sheet as CSV"),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file, whatever its name says; export it as text"),
+)
 TABLE_SUFFIXES = (".csv", ".txt")
 
 
@@ -54,26 +67,48 @@ class Head:
 
     @cached_property
     def text(self) -> bytes:
-        """The content without a byte order mark and blanks before it."""
+        """The content without a byte order mark and blanks before it; as UTF-8 where the mark is of another."""
+        if self.content.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return decoded(self.content, "replace").encode("utf-8", "replace").lstrip()
         return self.content.removeprefix(b"\xef\xbb\xbf").lstrip()
+
+    @cached_property
+    def _header(self) -> str:
+        """The first line that is no comment."""
+        rows = (row for row in self.text.splitlines() if not row.lstrip().startswith(b"#") and row.strip())
+        return next(rows, b"").decode("utf-8", "replace")
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
         """The cells of a CSV table's header: the first line that is no comment; none where that is no text."""
-        if b"\0" in self.content:
+        if b"\0" in self.text:
             return ()
-        rows = (row for row in self.text.splitlines() if not row.lstrip().startswith(b"#") and row.strip())
-        line = [*islice(rows, 1)]
         try:
-            cells = next(csv.reader([line[0].decode("utf-8", "replace")]), []) if line else []
+            cells = next(csv.reader([self._header], delimiter=separator_of(self._header)), [])
         except csv.Error:
             return ()
         return tuple(cell.strip() for cell in cells)
 
     @property
+    def words(self) -> tuple[str, ...]:
+        """The cells of the first line that is no comment, or its words where nothing but blanks separates them."""
+        return self.columns if len(self.columns) > 1 or b"\0" in self.text else tuple(self._header.split())
+
+    @property
+    def lacks_header(self) -> bool:
+        """Whether the first line that is no comment is two numbers or more, where a table has the names of columns."""
+        cells = [cell.replace(",", ".") for cell in self.words if cell]
+        return len(cells) > 1 and all(map(is_number, cells))
+
+    @property
     def is_page(self) -> bool:
         """Whether it is a web page: what a browser saves where a download was refused."""
         return self.text[:14].lower().startswith((b"<!doctype html", b"<html"))
+
+    @property
+    def container(self) -> str:
+        """What other program's packing the file is, with what to do, whatever its name says; empty where it is none."""
+        return next((words for start, words in CONTAINERS if self.content.startswith(start)), "")
 
     @property
     def looks_like(self) -> str:
@@ -82,7 +117,7 @@ class Head:
             return "a web page (HTML), whatever its name says,"
         if not self.content.strip():
             return "an empty file"
-        if b"\0" in self.content:
+        if b"\0" in self.text:
             return "binary data"
         return "XML" if self.text.startswith(b"<") else "text"
 
@@ -103,18 +138,30 @@ class Format:
         writes: which of the suffixes may be written.
         needs: packages to install for it.
         header: of tables, what their first line is known by, in words.
+        options: keywords of what only its user knows, such as the order of angles, that `read` takes.
     """
 
     name: str
     kind: Kind
     suffixes: tuple[str, ...]
     sniff: Callable[[Head], bool]
-    read: Callable[[Path], Any]
+    read: Callable[..., Any]
     holds: str
     write: Callable[..., None] | None = None
     writes: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     header: str = ""
+    options: tuple[str, ...] = ()
+
+
+def refuse_container(head: Head) -> None:
+    """Raise if a file that no format claims is another program's packing, whatever its name says.
+
+    Raises:
+        UnsupportedError: it is.
+    """
+    if head.container:
+        raise UnsupportedError(f"{head.path.name}: is {head.container}")
 
 
 def recognise(head: Head, formats: Iterable[Format]) -> Format | None:
@@ -128,6 +175,8 @@ def recognise(head: Head, formats: Iterable[Format]) -> Format | None:
     formats = tuple(formats)
     if claimed := next((one for one in formats if one.sniff(head)), None):
         return claimed
+    if head.container:
+        return None
     named = [one for one in formats if head.suffix in one.suffixes]
     return named[0] if len({one.kind for one in named}) == 1 else None
 

@@ -24,7 +24,7 @@ __all__ = [
 
 UNITS_CODE = "implausible-units"
 # What mm a unit is, in the order of how often people have it.
-UNITS = {"metres": 1000.0, "centimetres": 10.0, "inches": 25.4, "micrometres": 0.001}
+UNITS = {"metres": 1000.0, "centimetres": 10.0, "inches": 25.4, "micrometres": 0.001, "millimetres": 1.0}
 # No scanner shows less or more: 0.02 mm/px is a probe of 20 MHz, 1.5 a large abdomen in a thumbnail.
 LEAST_SCALE, MOST_SCALE = 0.01, 1.5
 # Of volumes, whose voxels are coarser: of the deepest settings that scanners have, 240 mm, 64 voxels show 3.75 mm each,
@@ -69,43 +69,48 @@ class Hint:
     value: float | None = None
     usual: Range = (0.0, np.inf)
 
-    def units(self) -> list[str]:
-        """The units that would make it a usual number."""
+    def units(self, read_as: str) -> list[str]:
+        """The units that would make it a usual number, beside the one that it was read as."""
         if self.value is None:
             return []
-        return [name for name, mm in UNITS.items() if self.usual[0] <= mm * self.value <= self.usual[1]]
+        number, others = self.value / UNITS[read_as], {n: mm for n, mm in UNITS.items() if n != read_as}
+        return [name for name, mm in others.items() if self.usual[0] <= mm * number <= self.usual[1]]
 
 
-def unit_doubt(hints: Sequence[Hint], where: str = "") -> Iterator[Diagnostic]:
+def unit_doubt(hints: Sequence[Hint], where: str = "", read_as: str = "millimetres") -> Iterator[Diagnostic]:
     """The finding of hints, if there are any: which unit the numbers might be in, and what to multiply by.
 
     Args:
         hints: numbers that no set-up has.
         where: what holds them, if that is not plain, such as "needle.toml: ".
+        read_as: the unit that the file's lengths were read as, before they came to mm.
     """
     if not hints:
         return
-    named = [hint.units() for hint in hints if hint.value is not None]
+    named = [hint.units(read_as) for hint in hints if hint.value is not None]
     common = [name for name in UNITS if named and all(name in names for names in named)]
     units = common or list(dict.fromkeys(name for names in named for name in names))
     normalised = any(hint.value is None for hint in hints)
     question = " or ".join(units) if units else "millimetres"
     what = "; ".join(hint.what for hint in hints)
+    if read_as != "millimetres":
+        what += f", read as {read_as}"
     yield Diagnostic(
         code="implausible-units",
         severity="warning",
         message=where + ("are these pixels" if normalised else "are these " + question) + f"? {what}",
-        advice=_remedy(units, normalised=normalised)
+        advice=_remedy(units, read_as, normalised=normalised)
         + "; if they are what they say, go on with --accept-units",
     )
 
 
-def _remedy(units: Sequence[str], *, normalised: bool) -> str:
+def _remedy(units: Sequence[str], read_as: str, *, normalised: bool) -> str:
     if normalised:
         return "multiply u by the image's width in px and v by its height"
     if not units:
         return "give lengths in mm and places of the image in px"
-    by = " or ".join(f"{UNITS[unit]:g} ({unit})" if len(units) > 1 else f"{UNITS[unit]:g}" for unit in units)
+    factors = {unit: f"{UNITS[unit] / UNITS[read_as]:g}" for unit in units}
+    by = " or ".join(f"{factor} ({unit})" if len(units) > 1 else factor for unit, factor in factors.items())
     return f"multiply lengths by {by}"
 
 

@@ -2,6 +2,7 @@
 
 from sonocal.recording.frames import ArrayFrames, Frames
 from sonocal.recording.health import Summary, ToolSummary, health, summarize
+from sonocal.recording.joining import join, join_several, with_latency
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 from sonocal.recording.poses import Poses
 from sonocal.recording.signals import bottom_line_signal
@@ -10,9 +11,7 @@ from sonocal.recording.timing import (
     Lag,
     estimate_latency,
     interpolate_poses,
-    join,
     motion_signal,
-    with_latency,
 )
 
 __all__ = [
@@ -31,6 +30,7 @@ __all__ = [
     "health",
     "interpolate_poses",
     "join",
+    "join_several",
     "motion_signal",
     "stated_scale",
     "summarize",

@@ -11,19 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
-from sonocal.geometry.units import place_hints, unit_doubt
+from sonocal.recording.lengths import unit_findings
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import (
     FROZEN_RUN,
     RIGID_TOLERANCE,
     Poses,
     determinant,
+    is_transposed,
     longest_run,
     rigidity_error,
     travel_mm,
 )
 
-__all__ = ["Summary", "ToolSummary", "health", "summarize", "unit_findings"]
+__all__ = ["Summary", "ToolSummary", "health", "summarize"]
 
 Progress = Callable[[int, int], None]
 
@@ -116,17 +117,6 @@ def health(
     return tuple(found)
 
 
-def unit_findings(recording: Recording) -> Iterator[Diagnostic]:
-    """The doubt that the poses of a recording are in mm."""
-    hints = [
-        hint
-        for poses in recording.poses.values()
-        if "Image" not in (poses.source, poses.target)
-        for hint in place_hints(poses.plus_name, poses.matrices[poses.valid])
-    ]
-    yield from unit_doubt(hints, f"{recording.name}: ")
-
-
 def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
     if np.isnan(times).all():
         if len(times) > 1:
@@ -187,6 +177,13 @@ def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
     bent = poses.valid & ~(error <= RIGID_TOLERANCE)
     if bent.any() and "Image" not in (poses.source, poses.target):
         i = int(np.flatnonzero(bent)[0])
+        if is_transposed(poses.matrices[i]):
+            yield _warning(
+                "non-rigid-poses",
+                f"{name}: {bent.sum()} poses are transposed, first at frame {i}: their places stand in the last row",
+                "write matrices row by row, with the place in the last column",
+            )
+            return
         yield _warning(
             "non-rigid-poses",
             f"{name}: {bent.sum()} poses marked valid are not rigid, first at frame {i} "

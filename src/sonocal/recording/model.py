@@ -67,11 +67,14 @@ class Provenance:
         name: of the file or folder, for messages.
         format: such as "MetaIO sequence".
         paths: every file read.
+        lengths: what the poses' lengths were read as, before they came to mm: "metres", ..., or "" where the file
+            must say it and does not.
     """
 
     name: str = "recording"
     format: str = "memory"
     paths: tuple[str, ...] = ()
+    lengths: str = "millimetres"
 
 
 @dataclass(frozen=True, eq=False)

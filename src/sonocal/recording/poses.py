@@ -21,6 +21,7 @@ __all__ = [
     "Poses",
     "by_name",
     "determinant",
+    "is_transposed",
     "longest_run",
     "repeated",
     "rigidity_error",
@@ -104,6 +105,11 @@ class Poses:
         bad = self.valid & ~(rigidity_error(self.matrices) <= RIGID_TOLERANCE)
         if on_invalid == "raise" and bad.any():
             frame = int(np.flatnonzero(bad)[0])
+            if is_transposed(self.matrices[frame]):
+                raise InputError(
+                    f"{source}, frame {frame}: {self.plus_name} is transposed: its place stands in the last row; write "
+                    "matrices row by row, with the place in the last column"
+                )
             raise InputError(
                 f"{source}, frame {frame}: {self.plus_name} is not rigid "
                 f"(det R = {determinant(self.matrices[frame]):.3g}); "
@@ -164,6 +170,11 @@ def travel_mm(matrices: Array) -> float:
     return float(np.linalg.norm(places - np.median(places, axis=0), axis=1).max())
 
 
+def is_transposed(matrix: Array) -> bool:
+    """Whether a matrix (4, 4) that is not rigid is rigid when rows and columns are exchanged."""
+    return bool(rigidity_error(matrix.T) <= RIGID_TOLERANCE < rigidity_error(matrix))
+
+
 def _inverted(matrices: Array, valid: Mask) -> Array:
     # The general inverse, not the transpose: files round rotations, and a chain should undo what they state.
     inverse = np.full_like(matrices, np.nan)
@@ -187,8 +198,6 @@ def poses_from_quaternions(
     Raises:
         InputError: a quaternion is far from unit length: its columns are probably not what they say.
     """
-    from scipy.spatial.transform import Rotation
-
     valid = np.asarray(np.isfinite(quaternions_wxyz).all(axis=1) & np.isfinite(places_mm).all(axis=1))
     with np.errstate(over="ignore"):
         length = np.linalg.norm(quaternions_wxyz, axis=1)
@@ -202,9 +211,20 @@ def poses_from_quaternions(
     matrices = np.full((len(valid), 4, 4), np.nan)
     matrices[valid] = np.eye(4)
     if valid.any():
-        matrices[valid, :3, :3] = Rotation.from_quat(np.roll(quaternions_wxyz[valid], -1, axis=1)).as_matrix()
+        matrices[valid, :3, :3] = _rotations(quaternions_wxyz[valid] / length[valid, None])
         matrices[valid, :3, 3] = places_mm[valid]
     return Poses(source, target, matrices, valid)
+
+
+def _rotations(unit_wxyz: Array) -> Array:
+    """(N, 3, 3) of unit quaternions (N, 4); written out, since importing SciPy takes longer than reading most files."""
+    w, x, y, z = unit_wxyz.T
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def repeated(matrices: Array) -> Mask:

@@ -6,17 +6,21 @@ image taken at ``t`` is the one the tracker stamped ``t + latency_s``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array
-from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid, Poses
 
-__all__ = ["Lag", "estimate_latency", "interpolate_poses", "join", "motion_signal", "with_latency"]
+__all__ = [
+    "Lag",
+    "estimate_latency",
+    "interpolate_poses",
+    "motion_signal",
+]
 
 MAX_GAP_S = 0.2
 """Longest stretch between two poses that is bridged, s: a hand turns a probe by degrees in less."""
@@ -74,74 +78,6 @@ def interpolate_poses(
         part = (wanted[bridged] - stamps[first]) / (stamps[second] - stamps[first])
         matrices[bridged] = _between(usable.matrices[first], usable.matrices[second], part)
     return Poses(poses.source, poses.target, matrices, exact | bridged)
-
-
-def join(
-    images: Recording,
-    tracker: Recording,
-    latency_s: float = 0.0,
-    max_gap_s: float = MAX_GAP_S,
-    on_invalid: OnInvalid = "raise",
-) -> Recording:
-    """Images with the poses of a tracker that was recorded beside them, both stamped in one clock.
-
-    Args:
-        images: what to find poses for.
-        tracker: the poses.
-        latency_s: how much later the tracker stamps an instant than the images do; the recording remembers it.
-        max_gap_s: longest stretch between two poses to bridge.
-        on_invalid: what to do with poses marked valid that are not rigid.
-
-    Raises:
-        InputError: one of the two has no times, they do not overlap, or the poses were moved by a latency before.
-    """
-    _check_latency(tracker, latency_s)
-    for part in (images, tracker):
-        if np.isnan(part.times).any():
-            raise InputError(
-                f"{part.name}: its items have no times, so poses cannot be joined to images; add stamps"
-            )
-    at = images.times + latency_s
-    if at[0] > tracker.times.max() or at[-1] < tracker.times.min():
-        moved = f" after a latency of {latency_s:g} s, which is in seconds" if latency_s else ""
-        raise InputError(
-            f"{images.name} spans {at.min():.3f} to {at.max():.3f} s and {tracker.name} {tracker.times.min():.3f} to "
-            f"{tracker.times.max():.3f} s: they do not overlap{moved}; bring both to one clock"
-        )
-    poses = {
-        name: interpolate_poses(
-            one, tracker.times, at, max_gap_s=max_gap_s, source=tracker.name, on_invalid=on_invalid
-        )
-        for name, one in tracker.poses.items()
-    }
-    provenance = replace(
-        images.provenance,
-        format=f"{images.provenance.format} + {tracker.provenance.format}",
-        paths=images.provenance.paths + tracker.provenance.paths,
-    )
-    diagnostics = images.diagnostics + tracker.diagnostics
-    return replace(
-        images,
-        poses=poses,
-        provenance=provenance,
-        diagnostics=diagnostics,
-        latency_s=latency_s or tracker.latency_s,
-    )
-
-
-def with_latency(
-    recording: Recording, latency_s: float, max_gap_s: float = MAX_GAP_S, on_invalid: OnInvalid = "raise"
-) -> Recording:
-    """The recording with every pose taken where its image belongs: at ``t + latency_s``.
-
-    The recording remembers the latency, and so do calibrations from it.
-
-    Raises:
-        InputError: it has no times, or its poses were moved by a latency before.
-    """
-    if latency_s == 0.0:
-        return recording
-    return join(replace(recording, diagnostics=()), recording, latency_s, max_gap_s, on_invalid)
 
 
 @dataclass(frozen=True)
@@ -237,18 +173,6 @@ def _between(first: Array, second: Array, part: Array) -> Array:
     matrices[:, :3, :3] = (start * Rotation.from_rotvec(part[:, None] * turn)).as_matrix()
     matrices[:, :3, 3] = (1 - part)[:, None] * first[:, :3, 3] + part[:, None] * second[:, :3, 3]
     return matrices
-
-
-def _check_latency(recording: Recording, latency_s: float) -> None:
-    """Refuse a latency that is no number, and a second one."""
-    number = isinstance(latency_s, (int, float, np.number)) and not isinstance(latency_s, bool)
-    if not (number and np.isfinite(latency_s)):
-        raise InputError(f"{recording.name}: latency_s must be a number of seconds; got {latency_s!r}")
-    if latency_s != 0.0 and recording.latency_s != 0.0:
-        raise InputError(
-            f"{recording.name}: its poses were moved by a latency of {recording.latency_s:g} s before, and now "
-            f"{latency_s:g} s are given; give it once, to the recording as it was read"
-        )
 
 
 def _check_increasing(times: Array, source: str) -> None:

@@ -16,7 +16,7 @@ from sonocal.recording import (
     Poses,
     Recording,
 )
-from sonocal.recording.health import unit_findings
+from sonocal.recording.lengths import unit_findings
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import (
     Point,

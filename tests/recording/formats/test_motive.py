@@ -46,7 +46,7 @@ def test_units_change_the_spelling_and_not_the_poses(tmp_path_factory, seed, bla
             FormatError,
             "a.csv: has no row 'Frame,Time (Seconds),...' with data below it",
         ),
-        (",Name,", ",Names,", FormatError, "a.csv: lacks the rows of types, names and quantities"),
+        ("Rotation,", "Turn,", FormatError, "a.csv: lacks the rows of types, names and quantities"),
         ("X,Y,Z,W", "X,Y,Z,V", FormatError, "a.csv: rigid body 'Needle' lacks its column Rotation W"),
     ],
 )
@@ -58,3 +58,16 @@ def test_what_is_missing_of_an_export_is_said(tmp_path, old, new, kind, words):
     with pytest.raises(kind) as caught:
         read_recording(tmp_path / "a.csv")
     assert str(caught.value).startswith(words)
+
+
+@given(seed=st.integers(0, 2**32), blank=st.sets(st.integers(0, N - 1), max_size=N - 1))
+def test_headers_whose_rows_have_no_names_are_read_alike(tmp_path_factory, seed, blank):
+    """Until version 1.22 the first cells of the rows of types, names and numbers are empty."""
+    path = tmp_path_factory.mktemp("motive") / "a.csv"
+    motive(path, random_poses(np.random.default_rng(seed), N), blank=blank)
+    named = read_recording(path).poses["tracker_from_needle"]
+    text = path.read_text().replace("1.23,", "1.22,", 1)
+    for word in ("Type", "Name", "ID"):
+        text = text.replace(f"\n,{word},", "\n,,")
+    path.write_text(text)
+    assert read_recording(path).poses["tracker_from_needle"].matrices.tobytes() == named.matrices.tobytes()

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from sonocal import InputError
+from sonocal.recording import health
 from sonocal.recording.formats import read_recording, write_recording
 from tests.builders.recordings import random_poses
 from tests.builders.tables import TIMES, N, matrices_in, motive, write_table
@@ -53,7 +55,7 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
         ("t,qw,qx,qy,qz,x,y\n0,1,0,0,0,1,2\n", "a.csv, line 1: lacks the column z beside x"),
         (
             "t,qw,qx,qy,qz,x,y,z\n0,1,0,0,1,1,2,3\n",
-            "a.csv, row 0: the quaternion of Tool has length 1.41 where 1 is due; check the order of its columns",
+            "a.csv, row 0: the quaternion of a has length 1.41 where 1 is due; check the order of its columns",
         ),
         (
             "t,ProbeToTrackerTransform\n0,1 2 3\n",
@@ -71,19 +73,51 @@ def test_bad_tables_are_refused(tmp_path, text, sentence):
     assert str(caught.value) == sentence
 
 
+QUATERNION = ("qw", "qx", "qy", "qz", "x", "y", "z")
+
+
+@pytest.mark.parametrize(
+    ("columns", "example"),
+    [
+        (8, "time_s,Probe_x,Probe_y,Probe_z,Probe_qx,Probe_qy,Probe_qz,Probe_qw"),
+        (17, "time_s," + ",".join(f"Probe_m{i}{j}" for i in range(4) for j in range(4))),
+    ],
+)
+@pytest.mark.parametrize("separator", ",; ")
+def test_a_missing_header_is_named_and_one_is_shown(tmp_path, columns, example, separator):
+    if (columns, separator) == (8, " "):
+        columns = 9  # eight numbers between blanks are a TUM trajectory
+    (tmp_path / "a.csv").write_text(2 * (separator.join(["0.5"] * columns) + "\n"))
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "a.csv")
+    assert str(caught.value) == (
+        f"a.csv, line 1: holds {columns} numbers where a header must name the columns; put it above them, such as "
+        f"{example}, in the order that your columns have"
+    )
+
+
+def test_blanks_between_columns_are_named(tmp_path):
+    (tmp_path / "a.csv").write_text("t " + " ".join(QUATERNION) + "\n0 1 0 0 0 1 2 3\n")
+    with pytest.raises(InputError, match=r"a\.csv, line 1: has blanks between its columns; write commas, "):
+        read_recording(tmp_path / "a.csv")
+
+
 SEEDS = st.integers(0, 2**32)
 FORMS = ("cells", "matrix", "quaternion", "metres")
 
 
 @st.composite
 def spellings(draw):
-    """How a program may spell one and the same table: order of columns, quotes, line ends, a mark, blank lines."""
+    """How a program may spell one and the same table: order of columns, quotes, line ends,
+    a mark, UTF-16, blank lines, separator, decimal comma."""
     return {
         "order": draw(st.randoms(use_true_random=False)),
         "quoting": draw(st.sampled_from([csv.QUOTE_MINIMAL, csv.QUOTE_ALL])),
         "end": draw(st.sampled_from(["\n", "\r\n"])),
-        "mark": draw(st.sampled_from(["", "\ufeff"])),
         "blank": draw(st.booleans()),
+        "separator": draw(st.sampled_from(",;\t")),
+        "decimal_comma": draw(st.booleans()),
+        "encoding": draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16"])),
     }
 
 
@@ -95,9 +129,13 @@ def respelt(path, how):
     table = [[row[i] for i in order] for row in (header, *rows)]
     if how["blank"]:
         table.insert(2, [])
-    with path.open("w", newline="") as file:
-        file.write(how["mark"])
-        csv.writer(file, quoting=how["quoting"], lineterminator=how["end"]).writerows(table)
+    if how["decimal_comma"] and how["separator"] != ",":
+        table[1:] = [[cell.replace(".", ",") for cell in row] for row in table[1:]]
+    with path.open("w", newline="", encoding=how["encoding"]) as file:
+        writer = csv.writer(
+            file, delimiter=how["separator"], quoting=how["quoting"], lineterminator=how["end"]
+        )
+        writer.writerows(table)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -163,3 +201,117 @@ def test_the_last_row_of_a_matrix_may_be_left_out_and_is_believed_where_it_stand
     write_table(tmp_path / "a.csv", header, [[0, *matrix[:rows].ravel().tolist()]])
     found = read_recording(tmp_path / "a.csv").poses["tracker_from_needle"]
     np.testing.assert_array_equal(found.matrices[0], matrix)
+
+
+ORDERS = ("XYZ", "ZYX", "YZX", "xyz", "zxy", "vector")
+
+
+def with_angles(path, matrices, meaning, stated, unit="deg"):
+    """Three angles about x, y and z, as SciPy has them."""
+    turns = Rotation.from_matrix(matrices[:, :3, :3])
+    if meaning == "vector":
+        angles = turns.as_rotvec()
+    else:
+        angles = turns.as_euler(meaning)[:, [meaning.lower().index(axis) for axis in "xyz"]]
+    angles = np.rad2deg(angles) if unit == "deg" else angles
+    order = f"_{meaning}" if stated else ""
+    header = ["t", *(f"Probe{order}_r{a}_{unit}" for a in "xyz"), *(f"Probe_{a}" for a in "xyz")]
+    rows = np.column_stack([TIMES, angles, matrices[:, :3, 3]])
+    write_table(path, header, rows.tolist())
+
+
+@pytest.mark.parametrize("meaning", ORDERS)
+@given(seed=SEEDS, stated=st.booleans(), unit=st.sampled_from(["deg", "rad"]))
+def test_angles_are_read_in_the_order_that_is_stated(tmp_path_factory, meaning, seed, stated, unit):
+    path, matrices = tmp_path_factory.mktemp("poses") / "a.csv", random_poses(np.random.default_rng(seed), N)
+    with_angles(path, matrices, meaning, stated, unit)
+    found = read_recording(path, angles=None if stated else meaning)
+    np.testing.assert_allclose(found.poses["tracker_from_probe"].matrices, matrices, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        (
+            "t,Probe_rx_deg,Probe_ry_deg,Probe_rz_deg,Probe_x,Probe_y,Probe_z",
+            "a.csv, line 1, column Probe_rx_deg: is an angle about one of three axes whose order is not stated; say it "
+            "in the columns' names, such as Probe_ZYX_rx_deg, or with --angles: ZYX or another order of axes",
+        ),
+        (
+            "t,ZYX_rx,ZYX_ry,ZYX_rz,x,y,z",
+            "a.csv, line 1, column ZYX_rx: is an angle about one of three axes whose unit is not stated; say it in the "
+            "columns' names, such as Probe_ZYX_rx_deg, or _rad",
+        ),
+        (
+            "t,ZYX_rx_deg,ZYX_ry_rad,ZYX_rz_deg,x,y,z",
+            "a.csv, line 1: its angles are in deg and rad; write one",
+        ),
+    ],
+)
+def test_no_order_and_no_unit_of_angles_is_guessed(tmp_path, header, words):
+    (tmp_path / "a.csv").write_text(f"{header}\n0,10,20,30,1,2,3\n")
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "a.csv")
+    assert str(caught.value).startswith(words)
+
+
+@pytest.mark.parametrize("angles", ["ZYZ", "ZYx", "XY", "", "rotvec"])
+def test_what_is_no_order_of_axes_is_refused(tmp_path, angles):
+    with_angles(tmp_path / "a.csv", random_poses(np.random.default_rng(0), N), "XYZ", stated=False)
+    with pytest.raises(InputError, match=r"is no meaning of three angles|is not stated"):
+        read_recording(tmp_path / "a.csv", angles=angles)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t,Probe_qw,Probe_qx,Probe_qy,Probe_qz,Probe_x,Probe_y,Probe_z",
+        "t,Probe.qw,Probe.qx,Probe.qy,Probe.qz,Probe.x,Probe.y,Probe.z",
+        "t,Probe QW,Probe QX,Probe QY,Probe QZ,Probe Tx [mm],Probe Ty [mm],Probe Tz [mm]",
+        "t,Probe:q_w,Probe:q_x,Probe:q_y,Probe:q_z,Probe:pos_x,Probe:pos_y,Probe:pos_z",
+        "t,Probe/orientation.w,Probe/orientation.x,Probe/orientation.y,Probe/orientation.z,Probe/position.x,"
+        "Probe/position.y,Probe/position.z",
+    ],
+)
+def test_names_may_be_spelt_as_other_programs_do(tmp_path, header):
+    (tmp_path / "a.csv").write_text(f"{header}\n0,0,1,0,0,1,2,3\n")
+    (probe,) = read_recording(tmp_path / "a.csv").poses.values()
+    assert probe.plus_name == "ProbeToTracker"
+    np.testing.assert_array_equal(
+        probe.matrices[0], [[1, 0, 0, 1], [0, -1, 0, 2], [0, 0, -1, 3], [0, 0, 0, 1]]
+    )
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "qw,qx,qy,qz,x,y,z",
+        "pose.orientation.w,pose.orientation.x,pose.orientation.y,pose.orientation.z,pose.position.x,"
+        "pose.position.y,pose.position.z",
+    ],
+)
+def test_a_file_names_the_tool_where_no_column_does(tmp_path, header):
+    (tmp_path / "Stylus.csv").write_text(f"t,{header}\n0,1,0,0,0,1,2,3\n")
+    assert list(read_recording(tmp_path / "Stylus.csv").poses) == ["tracker_from_stylus"]
+
+
+@pytest.mark.parametrize("form", ["cells", "matrix"])
+def test_transposed_matrices_are_called_so(tmp_path, form):
+    matrices = random_poses(np.random.default_rng(0), N)
+    matrices_in(form, tmp_path / "a.csv", np.swapaxes(matrices, 1, 2))
+    recording = read_recording(tmp_path / "a.csv")
+    with pytest.raises(
+        InputError, match="NeedleToTracker is transposed: its place stands in the last row; write"
+    ):
+        recording.between("Tracker", "Needle")
+    (warning,) = [one for one in health(recording) if one.code == "non-rigid-poses"]
+    assert f"{N} poses are transposed" in warning.message
+
+
+def test_long_names_and_cells_cost_no_more_than_their_length(tmp_path):
+    """Names of separators alone are what a pattern would take the square of."""
+    (tmp_path / "a.csv").write_text("t,qw,qx,qy,qz,x,y,z," + "_" * 100_000 + "\n0,1,0,0,0,1,2,3,4\n")
+    assert len(read_recording(tmp_path / "a.csv")) == 1
+    many = [f"Tool{i}_{k}" for i in range(2000) for k in ("qw", "qx", "qy", "qz", "x", "y", "z")]
+    (tmp_path / "a.csv").write_text(",".join(["t", *many]) + "\n0" + ",1,0,0,0,1,2,3" * 2000 + "\n")
+    assert len(read_recording(tmp_path / "a.csv").poses) == 2000

@@ -7,6 +7,7 @@ import pytest
 
 from sonocal import FormatError, InputError, UnsupportedError
 from sonocal.recording.formats import read_recording, write_recording
+from sonocal.targets import Point
 from tests.builders.recordings import assert_same, random_recording
 from tests.builders.sound import SOUND
 from tests.builders.tables import write_table
@@ -45,6 +46,63 @@ def test_poses_from_another_file_and_another_clock(tmp_path):
     np.testing.assert_allclose(probe.matrices[:, 0, 3], images_times + 100)
     with pytest.raises(InputError, match="they do not overlap; bring both to one clock"):
         read_recording(tmp_path / "images.mha", poses=tmp_path / "tracker.csv")
+
+
+QUATERNION = ("qw", "qx", "qy", "qz", "x", "y", "z")
+
+
+def one_tool(path, offset=0.0):
+    write_table(path, ["time_s", *QUATERNION], [[t, 1, 0, 0, 0, t, offset, 0] for t in range(-1, 9)])
+    return path
+
+
+def test_several_files_of_poses_are_tools_called_as_the_files(tmp_path):
+    write_recording(random_recording(0, n=5, tools=()), tmp_path / "images.mha")
+    files = [one_tool(tmp_path / f"{name}.csv", i) for i, name in enumerate(("Probe", "Needle"))]
+    stamps = read_recording(tmp_path / "images.mha").times
+    joined = read_recording(tmp_path / "images.mha", files, latency_s=float(-stamps[0]))
+    assert joined.tools == ("Probe", "Needle")
+    assert joined.provenance.paths == tuple(map(str, (tmp_path / "images.mha", *files)))
+    alone = read_recording(files[0], files[1:])
+    assert alone.tools == ("Probe", "Needle")
+    assert alone.poses["tracker_from_needle"].matrices[:, 1, 3].tolist() == [1.0] * 10
+
+
+def test_poses_and_images_in_each_others_place_are_named(tmp_path):
+    write_recording(random_recording(0, n=5, tools=()), tmp_path / "images.mha")
+    one_tool(tmp_path / "Probe.csv")
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "Probe.csv", tmp_path / "images.mha")
+    assert str(caught.value) == (
+        "images.mha, given for its poses, holds images and no poses, and Probe.csv poses and no images; "
+        "exchange the two"
+    )
+    with pytest.raises(
+        InputError, match=r"images\.mha: is given for its poses and holds none; name the tracker's"
+    ):
+        read_recording(tmp_path / "images.mha", tmp_path / "images.mha")
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (
+            {"angles": "ZYX"},
+            "images.mha, Probe.csv: cannot hold markers in place of poses; leave markers out",
+        ),
+        ({}, "images.mha: cannot hold three angles for a pose; leave angles out"),
+    ],
+)
+def test_what_is_told_and_means_nothing_is_refused(tmp_path, told, words):
+    write_recording(random_recording(0, n=5, tools=()), tmp_path / "images.mha")
+    one_tool(tmp_path / "Probe.csv")
+    with pytest.raises(InputError) as caught:
+        if told:
+            marker = Point("a", "Probe", np.zeros(3))
+            read_recording(tmp_path / "images.mha", tmp_path / "Probe.csv", markers=[marker], **told)
+        else:
+            read_recording(tmp_path / "images.mha", angles="ZYX")
+    assert str(caught.value) == words
 
 
 def test_poses_are_given_as_a_file(tmp_path):

@@ -20,7 +20,7 @@ from sonocal.recording.formats.dicom import SUFFIXES as DICOM_SUFFIXES
 from sonocal.recording.formats.dicom import read_dicom_files
 from sonocal.recording.formats.image import SUFFIXES as IMAGE_SUFFIXES
 from sonocal.recording.formats.image import recording_of_images
-from sonocal.recording.formats.pose_csv import TIME_COLUMNS
+from sonocal.recording.formats.parts.stamps import time_column, times_of
 from sonocal.recording.formats.rosbag import is_bag_folder
 from sonocal.recording.model import Provenance, Recording
 
@@ -69,18 +69,14 @@ def _stamped(folder: Path, images: list[Path]) -> tuple[list[Path], Array, tuple
 
 def _times_of_table(path: Path, images: list[Path]) -> Array:
     table = parse_table(path.name, read_text(path, "a table of frame times"))
-    column = table.first_of(TIME_COLUMNS)
-    if column is None or "file" not in table.columns:
+    if time_column(table.header) is None or "file" not in table.columns:
         raise InputError(
             f"{path.name}: needs the columns file and time_s; it has {', '.join(table.header)[:200]}"
         )
-    stamps = dict(zip(table.text("file").tolist(), table.numbers(column), strict=True))
+    stamps = dict(zip(table.text("file").tolist(), times_of(table)[0], strict=True))
     if missing := [image.name for image in images if image.name not in stamps]:
         raise InputError(f"{path.name}: has no time for {missing[0]}; add a row, or delete the image")
-    times = np.array([stamps[image.name] for image in images])
-    if not np.isfinite(times).all():
-        raise InputError(f"{path.name}: a time is not finite; write seconds")
-    return times
+    return np.array([stamps[image.name] for image in images])
 
 
 def _time_of_name(path: Path) -> float:

@@ -6,7 +6,7 @@ world is kept as it is, for only how tools lie to each other matters here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ MM_PER_UNIT = {
     "millimeters": 1.0,
     "millimetres": 1.0,
 }
+READ_AS = {1000.0: "metres", 10.0: "centimetres", 1.0: "millimetres"}
 AXES = {"Rotation": ("X", "Y", "Z", "W"), "Position": ("X", "Y", "Z")}
 
 
@@ -69,7 +70,7 @@ def read_motive(path: Path) -> Recording:
         times=times,
         poses=poses,
         fields={key: value for key, value in about.items() if key},
-        provenance=Provenance(path.name, "OptiTrack Motive CSV", (str(path),)),
+        provenance=Provenance(path.name, "OptiTrack Motive CSV", (str(path),), READ_AS[scale]),
         diagnostics=(_about_axes(about, scale),),
     )
 
@@ -93,16 +94,17 @@ def _header_rows(
     name: str, rows: Sequence[Sequence[str]], axes: Sequence[str]
 ) -> list[tuple[str, str, str, str]]:
     """(type, name, Rotation or Position, axis) of every column."""
-    by_label = {row[1].strip(): row for row in rows if len(row) > 2}
-    types = by_label.get("Type") or next((row for row in rows if "Rigid Body" in row), None)
+    kinds = next((i for i, row in enumerate(rows) if "Rigid Body" in row or row[1:2] == ["Type"]), None)
     quantities = next((row for row in rows if "Rotation" in row), None)
-    if types is None or "Name" not in by_label or quantities is None:
+    if kinds is None or kinds + 1 >= len(rows) or quantities is None:
         raise FormatError(
             f"{name}: lacks the rows of types, names and quantities above the data; export it again"
         )
+    # Versions until 1.22 leave the rows' own names out: those of bodies follow their types.
+    types, names = rows[kinds], next((row for row in rows if row[1:2] == ["Name"]), rows[kinds + 1])
     columns = []
     for i, axis in enumerate(axes):
-        cells = [row[i].strip() if i < len(row) else "" for row in (types, by_label["Name"], quantities)]
+        cells = [row[i].strip() if i < len(row) else "" for row in (types, names, quantities)]
         columns.append((cells[0], cells[1], cells[2], axis.strip()))
     return columns
 
@@ -113,24 +115,27 @@ def _bodies(
     tools = dict.fromkeys(
         tool for kind, tool, quantity, _ in header if kind == "Rigid Body" and quantity == "Rotation"
     )
+    places = {column: i for i, column in reversed([*enumerate(header)])}
     for tool in tools:
         parts: dict[str, Array] = {}
         for quantity, axes in AXES.items():
-            places = [_column(name, header, tool, quantity, axis) for axis in axes]
+            columns = [_column(name, places, tool, quantity, axis) for axis in axes]
             parts[quantity] = np.column_stack(
                 [
                     cells_to_numbers(name, f"{tool} {quantity} {axis}", [r[i] for r in body], lines, np.nan)
-                    for i, axis in zip(places, axes, strict=True)
+                    for i, axis in zip(columns, axes, strict=True)
                 ]
             )
         quaternions = np.roll(parts["Rotation"], 1, axis=1)
         yield poses_from_quaternions(quaternions, scale * parts["Position"], tool, "Tracker", name)
 
 
-def _column(name: str, header: list[tuple[str, str, str, str]], tool: str, quantity: str, axis: str) -> int:
+def _column(
+    name: str, places: Mapping[tuple[str, str, str, str], int], tool: str, quantity: str, axis: str
+) -> int:
     try:
-        return header.index(("Rigid Body", tool, quantity, axis))
-    except ValueError:
+        return places["Rigid Body", tool, quantity, axis]
+    except KeyError:
         raise FormatError(
             f"{name}: rigid body {tool!r} lacks its column {quantity} {axis}; export it again"
         ) from None

@@ -1,49 +1,61 @@
-"""Poses in a CSV table, one row an instant: a tracker's own export.
+"""Poses in a table, one row an instant: a tracker's own export.
 
-A time column (``Timestamp``, ``time_s``, ...) and for every tool one of
+A time column (``Timestamp``, ``time_s``, ``time_ms``, dates, ...) and for every tool one of
 
     ProbeToTrackerTransform                   16 numbers in one cell, as PLUS writes them
     Probe_m00 ... Probe_m33                   a 4 x 4 matrix (the last row may be left out)
     Probe_qw,qx,qy,qz and Probe_x,y,z         a quaternion and a place; the names tell which is which
+    Probe_ZYX_rx_deg, ... and Probe_x,y,z     three angles, whose order the names state, or the option ``angles``
 
 with the place in mm, or in ``Probe_x_m`` ... metres. A blank pose is an invalid one, and so is one whose
 ``ProbeToTrackerTransformStatus`` or ``Probe_status`` is not OK. The target frame is ``Tracker`` where the
-names do not say. OptiTrack Motive's export has its own module.
+names do not say, and the tool the file's stem. Logs of known trackers have modules of their own.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_text
-from sonocal.files.kinds import TABLE_SUFFIXES, Format
+from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head
 from sonocal.files.tables import (
     Table,
     parse_table,
 )
 from sonocal.geometry import Array
+from sonocal.recording.formats.ndi import is_ndi
+from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
+from sonocal.recording.formats.parts.pose_columns import MM_PER_UNIT, Part, PoseColumn, pose_column, tools_in
 from sonocal.recording.formats.parts.pose_csv_write import write_pose_csv
 from sonocal.recording.formats.parts.sequence_fields import TRANSFORM
+from sonocal.recording.formats.parts.stamps import times_of
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
 
-__all__ = ["FORMAT", "TIME_COLUMNS", "read_pose_csv"]
+__all__ = ["FORMAT", "example_header", "is_pose_column", "read_pose_csv"]
 
-TIME_COLUMNS = ("Timestamp", "timestamp", "time_s", "Time (Seconds)", "time", "t")
-
-QUATERNION = ("qw", "qx", "qy", "qz")
 MATRIX = tuple(f"m{i}{j}" for i in range(4) for j in range(4))
-NO_TOOL = "Tool"
-POSE_COLUMN = re.compile(rf"(.*_)?(qw|m00)|{TRANSFORM.pattern}")
+OK = {"ok", "1", "true"}
+Columns = Mapping[tuple[Part, str], PoseColumn]
 
 
-def read_pose_csv(path: Path) -> Recording:
+def example_header(count: int) -> str:
+    """A header for so many columns of one tool: of a matrix where that many are one, else of place and quaternion."""
+    names = MATRIX[: count - 1] if count in (13, 17) else ("x", "y", "z", "qx", "qy", "qz", "qw")
+    return ",".join(["time_s", *(f"Probe_{name}" for name in names)])
+
+
+def read_pose_csv(path: Path, angles: str | None = None) -> Recording:
     """Read a table of poses: a recording of a tracker alone.
+
+    Args:
+        path: the file.
+        angles: what three angles mean where the columns' names do not say: an order such as "ZYX", or "vector".
 
     Raises:
         FormatError: the file is not CSV, or no table of poses.
@@ -51,38 +63,42 @@ def read_pose_csv(path: Path) -> Recording:
     """
     table = parse_table(path.name, read_text(path, "a table of poses"))
     table.need_rows("write one row an instant")
-    poses = by_name(_tools(table), path.name)
+    tools = tools_in(table.header)
+    poses = by_name(_tools(table, tools, path.stem, angles), path.name)
     if not poses:
         raise FormatError(
             f"{path.name}: has no columns of poses; name them ProbeToTrackerTransform, Probe_m00 to Probe_m33, "
             "or Probe_qw, Probe_qx, Probe_qy, Probe_qz, Probe_x, Probe_y, Probe_z"
         )
-    return Recording(
-        times=_times(table), poses=poses, provenance=Provenance(path.name, "CSV of poses", (str(path),))
-    )
+    times, notes = times_of(table)
+    units = {
+        column.unit for columns in tools.values() for column in columns.values() if column.part == "place"
+    }
+    read_as = {"m": "metres", "cm": "centimetres"}.get(units.pop() if len(units) == 1 else "", "millimetres")
+    provenance = Provenance(path.name, "CSV of poses", (str(path),), read_as)
+    return Recording(times=times, poses=poses, provenance=provenance, diagnostics=notes)
 
 
-def _times(table: Table) -> Array:
-    column = table.first_of(TIME_COLUMNS)
-    if column is None:
-        return np.full(len(table.lines), np.nan)
-    times = table.numbers(column)
-    if not np.isfinite(times).all():
-        row = int(np.flatnonzero(~np.isfinite(times))[0])
-        raise InputError(
-            f"{table.name}, line {table.lines[row]}, column {column}: {times[row]} is not a time"
-        )
-    return times
-
-
-def _tools(table: Table) -> Iterator[Poses]:
+def _tools(table: Table, tools: Mapping[str, Columns], stem: str, angles: str | None) -> Iterator[Poses]:
+    statuses = _statuses(table.header)
     for column in table.header:
         if match := TRANSFORM.fullmatch(column):
-            yield _from_cells(table, column, match[1], match[2])
-        elif column == "m00" or column.endswith("_m00"):
-            yield _from_matrix_columns(table, column.removesuffix("m00"))
-        elif column == "qw" or column.endswith("_qw"):
-            yield _from_quaternion_columns(table, column.removesuffix("qw"))
+            yield _with_status(
+                table, statuses, _from_cells(table, column, match[1], match[2]), f"{column}Status"
+            )
+    for tool, columns in tools.items():
+        source, target = _names(tool or stem)
+        if ("quaternion", "w") in columns:
+            numbers = _numbers(table, columns, "quaternion", "wxyz")
+        elif ("angle", "x") in columns:
+            numbers = _quaternions(table, columns, angles)
+        else:
+            if ("matrix", "00") in columns:
+                poses = _from_matrix(table, columns, source, target)
+                yield _with_status(table, statuses, poses, f"{tool}_status")
+            continue
+        poses = poses_from_quaternions(numbers, _places(table, columns), source, target, table.name)
+        yield _with_status(table, statuses, poses, f"{tool}_status")
 
 
 def _from_cells(table: Table, column: str, source: str, target: str) -> Poses:
@@ -90,70 +106,119 @@ def _from_cells(table: Table, column: str, source: str, target: str) -> Poses:
     for row, cell in enumerate(table.columns[column]):
         if not cell.strip():
             continue
-        words = re.split(r"[\s;,]+", cell.strip())
         try:
-            matrices[row] = np.array([float(word) for word in words]).reshape(4, 4)
+            matrices[row] = np.array([float(word) for word in _words(cell)]).reshape(4, 4)
         except ValueError:
             raise InputError(
                 f"{table.name}, line {table.lines[row]}, column {column}: {cell.strip()[:40]!r} is not 16 numbers"
             ) from None
-    return _with_status(table, Poses.of(source, target, matrices), column + "Status")
+    return Poses.of(source, target, matrices)
 
 
-def _from_matrix_columns(table: Table, prefix: str) -> Poses:
-    wanted = MATRIX if f"{prefix}m30" in table.columns else MATRIX[:12]
-    columns = _columns(table, prefix, wanted)
+def _words(cell: str) -> list[str]:
+    """The numbers in a cell; a comma between digits is a decimal one where blanks separate all of them."""
+    words = [word.strip(",;") for word in cell.split()]
+    if len(words) == 16 and "." not in cell:
+        return [word.replace(",", ".") for word in words]
+    return re.split(r"[\s;,]+", cell.strip())
+
+
+def _from_matrix(table: Table, columns: Columns, source: str, target: str) -> Poses:
+    wanted = [name[1:] for name in (MATRIX if ("matrix", "30") in columns else MATRIX[:12])]
+    numbers = _numbers(table, columns, "matrix", wanted)
     matrices = np.full((len(table.lines), 16), np.nan)
-    matrices[:, : len(wanted)] = columns
+    matrices[:, : len(wanted)] = numbers
     if len(wanted) == 12:
         matrices[:, 12:] = np.where(
-            np.isfinite(columns).all(axis=1, keepdims=True), [0.0, 0.0, 0.0, 1.0], np.nan
+            np.isfinite(numbers).all(axis=1, keepdims=True), [0.0, 0.0, 0.0, 1.0], np.nan
         )
-    source, target = _names(prefix)
-    return _with_status(table, Poses.of(source, target, matrices.reshape(-1, 4, 4)), f"{prefix}status")
+    return Poses.of(source, target, matrices.reshape(-1, 4, 4))
 
 
-def _from_quaternion_columns(table: Table, prefix: str) -> Poses:
-    scale, unit = next(
-        ((s, u) for s, u in ((1.0, ""), (1.0, "_mm"), (1000.0, "_m")) if f"{prefix}x{u}" in table.columns),
-        (1.0, ""),
-    )
-    quaternions = _columns(table, prefix, QUATERNION)
-    places = _columns(table, prefix, tuple(f"{axis}{unit}" for axis in "xyz")) * scale
-    source, target = _names(prefix)
-    return _with_status(
-        table, poses_from_quaternions(quaternions, places, source, target, table.name), f"{prefix}status"
-    )
+def _quaternions(table: Table, columns: Columns, angles: str | None) -> Array:
+    numbers = _numbers(table, columns, "angle", "xyz")
+    first = columns["angle", "x"]
+    meaning = first.angles or angles
+    if not meaning or not first.unit:
+        what = "order" if not meaning else "unit"
+        example = f"{first.tool or 'Probe'}_{meaning or 'ZYX'}_rx_deg"
+        option = f", or with --angles: {ANGLES}" if not meaning else ", or _rad"
+        raise InputError(
+            f"{table.name}, line 1, column {first.name}: is an angle about one of three axes whose {what} is not "
+            f"stated; say it in the columns' names, such as {example}{option}"
+        )
+    if len(units := {columns["angle", axis].unit for axis in "xyz"}) > 1:
+        raise InputError(f"{table.name}, line 1: its angles are in {' and '.join(sorted(units))}; write one")
+    return quaternions_from_angles(np.deg2rad(numbers) if first.unit == "deg" else numbers, meaning)
 
 
-def _columns(table: Table, prefix: str, names: tuple[str, ...]) -> Array:
-    if missing := [prefix + name for name in names if prefix + name not in table.columns]:
-        raise InputError(f"{table.name}, line 1: lacks the column {missing[0]} beside {prefix + names[0]}")
-    return np.column_stack([table.numbers(prefix + name, blank=np.nan) for name in names])
+def _places(table: Table, columns: Columns) -> Array:
+    if ("place", "x") not in columns:
+        beside = next(iter(columns.values()))
+        raise InputError(
+            f"{table.name}, line 1: lacks the column {_place_beside(beside)} beside {beside.name}"
+        )
+    numbers = _numbers(table, columns, "place", "xyz")
+    return numbers * [MM_PER_UNIT[columns["place", axis].unit] for axis in "xyz"]
 
 
-def _names(prefix: str) -> tuple[str, str]:
-    tool = prefix.rstrip("_") or NO_TOOL
+def _place_beside(column: PoseColumn) -> str:
+    return f"{column.tool}_x" if column.tool else "x"
+
+
+def _numbers(table: Table, columns: Columns, part: Part, axes: Iterable[str]) -> Array:
+    axes = tuple(axes)
+    first = columns[part, axes[0]]
+    if missing := [axis for axis in axes if (part, axis) not in columns]:
+        raise InputError(
+            f"{table.name}, line 1: lacks the column {first.beside(missing[0])} beside {first.name}"
+        )
+    return np.column_stack([table.numbers(columns[part, axis].name, blank=np.nan) for axis in axes])
+
+
+def _names(tool: str) -> tuple[str, str]:
     match = re.fullmatch(r"(.+?)To([A-Z0-9_].*)", tool)
     return (match[1], match[2]) if match else (tool, "Tracker")
 
 
-def _with_status(table: Table, poses: Poses, column: str) -> Poses:
-    if column not in table.columns:
+def _statuses(header: Iterable[str]) -> dict[str, str]:
+    """The columns of status by their plain names."""
+    return {_plain(name): name for name in header if name[-len("status") :].lower() == "status"}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[ ._:/-]", "_", name).strip("_").lower()
+
+
+def _with_status(table: Table, statuses: Mapping[str, str], poses: Poses, name: str) -> Poses:
+    column = statuses.get(_plain(name))
+    if column is None:
         return poses
     status = tuple(map(str, table.text(column)))
-    good = np.array([text in ("OK", "ok", "1", "true", "True") for text in status])
+    good = np.array([text.lower() in OK for text in status])
     return Poses(poses.source, poses.target, poses.matrices, poses.valid & good, status)
+
+
+def is_pose_column(name: str) -> bool:
+    """Whether a column makes a table one of poses: the first of a quaternion, of a matrix or of three angles."""
+    found = pose_column(name)
+    starts = ("quaternion", "w"), ("matrix", "00"), ("angle", "x")
+    return bool(TRANSFORM.fullmatch(name)) or (found is not None and (found.part, found.axis) in starts)
+
+
+def _sniff(head: Head) -> bool:
+    return not is_ndi(head) and any(map(is_pose_column, head.columns))
 
 
 FORMAT = Format(
     name="CSV of poses",
     kind="recording",
     suffixes=TABLE_SUFFIXES,
-    header="columns such as Probe_qw, Probe_m00 or ProbeToTrackerTransform",
-    sniff=lambda head: any(POSE_COLUMN.fullmatch(column) for column in head.columns),
+    header="columns such as Probe_qw, Probe_m00, Probe_ZYX_rx_deg or ProbeToTrackerTransform",
+    sniff=_sniff,
     read=read_pose_csv,
-    holds="a 4 x 4 matrix in one cell or in columns, or quaternion and place",
+    options=("angles",),
+    holds="a 4 x 4 matrix in one cell or in columns; quaternion or angles of a stated order, and place",
     write=write_pose_csv,
     writes=(".csv",),
 )

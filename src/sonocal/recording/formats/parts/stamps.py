@@ -1,0 +1,125 @@
+"""The times of a table, s: the column's name, else the size of its numbers, or a date in them, says what they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from datetime import UTC, datetime
+
+import numpy as np
+
+from sonocal.errors import InputError
+from sonocal.files.tables import Table
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array
+
+__all__ = ["time_column", "times_of"]
+
+# These before others, in this order: a table may have several.
+FIRST = ("timestamp", "time_s", "time_seconds", "time", "t")
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+WORDS = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"),
+    "us": ("us", "\u00b5s", "\u03bcs", "usec", "usecs", "micros", "microsecond", "microseconds"),
+    "ns": ("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"),
+}
+NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+UNIT_OF = {word: unit for unit, words in WORDS.items() for word in words}
+COLUMN = re.compile(
+    r"%?(?:\w{1,20}_)?(?:time_?stamps?|times?|stamp|epoch|datetime|t)(?:_(?P<unit>[a-z\u00b5\u03bc]{1,12}))?"
+)
+LONGEST_NAME = 40
+# Seconds since 1970 are 1.7e9 in these years; what is a thousand times as many counts thousandths.
+EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+# Whole numbers so far apart are no seconds between two poses of a tracker, which gives ten or more a second.
+STEPS = ((3e6, "ns"), (3e3, "us"), (3.0, "ms"))
+DATE = re.compile(r"\d{4}-?\d\d-?\d\d[T ]")
+
+
+def time_column(header: Iterable[str]) -> str | None:
+    """The column of times, if there is one."""
+    found = {column: name for column in header if (name := _plain(column)) and _unit(name) is not None}
+    for wanted in FIRST:
+        if column := next((column for column, name in found.items() if name == wanted), None):
+            return column
+    return next(iter(found), None)
+
+
+def times_of(table: Table) -> tuple[Array, tuple[Diagnostic, ...]]:
+    """The times of a table's rows, s, and the note how they were read where that is not plain; NaN without a column.
+
+    Raises:
+        InputError: a cell is no time.
+    """
+    column = time_column(table.header)
+    if column is None:
+        return np.full(len(table.lines), np.nan), ()
+    cells = table.columns[column]
+    if cells and DATE.match(cells[0].strip()):
+        times = _dates(table, column)
+        return times, (_note(f"{column} holds dates (ISO 8601), read as seconds since 1970", column),)
+    times = table.numbers(column)
+    if not np.isfinite(times).all():
+        row = int(np.flatnonzero(~np.isfinite(times))[0])
+        raise InputError(
+            f"{table.name}, line {table.lines[row]}, column {column}: {times[row]} is not a time"
+        )
+    unit, why = _unit(_plain(column)) or "", "by its name"
+    if not unit:
+        unit, why = _by_size(times)
+    notes = () if unit == "s" else (_note(f"{column} was read as {NAMES[unit]}, {why}", column),)
+    return times / PER_SECOND[unit], notes
+
+
+def _plain(column: str) -> str:
+    """A name in small letters, with underscores alone between its words: ``time_seconds`` of ``Time (Seconds)``."""
+    if len(column) > LONGEST_NAME:
+        return ""
+    return re.sub(r"[ ._()\[\]:/-]+", "_", column.strip().lower()).strip("_")
+
+
+def _unit(name: str) -> str | None:
+    """The unit that a column's name says, or nothing; None where it is no column of times."""
+    match = COLUMN.fullmatch(name)
+    if match is None or match["unit"] is None:
+        return None if match is None else ""
+    return UNIT_OF.get(match["unit"])
+
+
+def _by_size(times: Array) -> tuple[str, str]:
+    """The unit of times whose column does not say it, and why."""
+    middle = float(np.median(np.abs(times)))
+    for least, unit in EPOCHS:
+        if middle >= least:
+            return unit, f"since {middle:.0f} {NAMES[unit]} after 1970 is a date of these years"
+    steps = np.diff(times)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if (times == np.round(times)).all():
+        for least, unit in STEPS:
+            if step >= least:
+                return unit, f"since its whole numbers are {step:g} apart"
+    return "s", ""
+
+
+def _dates(table: Table, column: str) -> Array:
+    times = np.empty(len(table.lines))
+    for row, cell in enumerate(table.columns[column]):
+        try:
+            stamp = datetime.fromisoformat(cell.strip())
+            times[row] = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+        except (ValueError, OverflowError):
+            raise InputError(
+                f"{table.name}, line {table.lines[row]}, column {column}: {cell.strip()[:40]!r} is not a date and "
+                "time; write such as 2024-05-01T12:00:00.25"
+            ) from None
+    return times
+
+
+def _note(message: str, column: str) -> Diagnostic:
+    return Diagnostic(
+        code="time-unit",
+        severity="info",
+        message=f"times: {message}",
+        advice=f"if that is not so, say the unit at the end of the name {column[:20]}: _s, _ms, _us or _ns",
+    )

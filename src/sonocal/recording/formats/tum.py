@@ -1,0 +1,77 @@
+"""Trajectories of the TUM benchmarks, as evo and most odometry writes them: a line a pose, and nothing but numbers.
+
+    timestamp tx ty tz qx qy qz qw
+
+Seconds, metres, blanks between numbers, lines of ``#`` are comments. The tool is called as the file is.
+Source: the file formats of the TUM RGB-D benchmark.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from sonocal.errors import FormatError, InputError
+from sonocal.files import read_text
+from sonocal.files.kinds import Format, Head
+from sonocal.files.tables import is_number
+from sonocal.geometry import Array
+from sonocal.recording.model import Provenance, Recording
+from sonocal.recording.poses import by_name, poses_from_quaternions
+
+__all__ = ["FORMAT", "read_tum"]
+
+NUMBERS = 8
+MM = 1000.0
+
+
+def read_tum(path: Path) -> Recording:
+    """Read a trajectory: one tool, in metres.
+
+    Raises:
+        FormatError: a line is not eight numbers.
+        InputError: it holds no pose, or a time is not finite.
+    """
+    table = _table(path.name, read_text(path, "a trajectory"))
+    if not len(table):
+        raise InputError(f"{path.name}: holds no poses; record it again")
+    if not np.isfinite(table[:, 0]).all():
+        raise InputError(f"{path.name}: a time is not finite; write seconds")
+    quaternions = np.roll(table[:, 4:], 1, axis=1)
+    poses = poses_from_quaternions(quaternions, MM * table[:, 1:4], path.stem, "Tracker", path.name)
+    provenance = Provenance(path.name, "TUM trajectory", (str(path),), "metres")
+    return Recording(times=table[:, 0].copy(), poses=by_name([poses], path.name), provenance=provenance)
+
+
+def _table(name: str, text: str) -> Array:
+    """(N, 8): the numbers of lines that are no comments."""
+    numbers: list[float] = []
+    for line, content in enumerate(text.splitlines(), 1):
+        words = content.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) == NUMBERS and all(map(is_number, words)):
+            numbers.extend(map(float, words))
+        else:
+            raise FormatError(
+                f"{name}, line {line}: is not eight numbers; a TUM trajectory has 'timestamp tx ty tz qx qy qz qw'"
+            )
+    return np.array(numbers, dtype=float).reshape(-1, NUMBERS)
+
+
+def _sniff(head: Head) -> bool:
+    # Commas make a table, whose header is missed; and the head may end within its first line.
+    words = head.words
+    return len(words) == NUMBERS and len(head.columns) == 1 and all(map(is_number, words))
+
+
+FORMAT = Format(
+    name="TUM trajectory",
+    kind="recording",
+    suffixes=(".txt", ".tum"),
+    header="eight numbers between blanks",
+    sniff=_sniff,
+    read=read_tum,
+    holds="one tool, called as the file; metres",
+)
