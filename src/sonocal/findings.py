@@ -16,6 +16,7 @@ __all__ = [
     "Diagnostic",
     "Findings",
     "anchor_of",
+    "reading_order",
     "warnings_first",
 ]
 
@@ -27,9 +28,11 @@ CODES = {
     # calibration
     "weak-motion": "the predicted error exceeds what is accepted",
     "narrow-area": "the area seen is a band",
+    "outside-image": "sightings lie outside of the image",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along the image's axes",
+    "anisotropic-scale-far-off": "with mm/px of its own along every axis the answer is another one",
     "image-distortion": "residuals are not alike all over the image",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
@@ -116,6 +119,30 @@ DECISIVE = {
     "wrong-poses",
     "wrong-tool-frame",
     "flipped-image",
+}
+
+# Codes that name a cause beside those, and codes of what such causes bring about: the first are read before, the last
+# after all others. Whoever mends the cause need not mend them.
+CAUSES = {
+    "implausible-units",
+    "outside-image",
+    "marker-slipped",
+    "wrong-end-of-needle",
+    "second-needle",
+    "anisotropic-scale",
+    "anisotropic-scale-far-off",
+    "scale-differs-from-scanner",
+    "image-distortion",
+    "offset-in-tracker",
+}
+CONSEQUENCES = {
+    "weak-motion",
+    "drifting-residuals",
+    "error-follows-pose",
+    "many-outliers",
+    "not-converged",
+    "no-predicted-error",
+    "predicted-error-beyond-tolerance",
 }
 
 # Codes of reasons of a verdict that are no findings.
@@ -207,6 +234,10 @@ class Findings(Sequence[Diagnostic]):
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """The findings in their order: those to read before use before the others, of these what explains others first."""
-    return tuple(
-        sorted(findings, key=lambda finding: (finding.severity != "warning", finding.code not in DECISIVE))
-    )
+    return tuple(sorted(findings, key=lambda one: (one.severity != "warning", reading_order(one.code))))
+
+
+def reading_order(code: str) -> int:
+    """How early a code is read, on the screen, in files and among a verdict's reasons: causes before what they do."""
+    places = (code in DECISIVE, code in CAUSES, code not in CONSEQUENCES)
+    return places.index(True) if any(places) else len(places)

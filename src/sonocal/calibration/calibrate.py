@@ -22,6 +22,7 @@ from sonocal.errors import require
 from sonocal.findings import Findings
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
+from sonocal.observations.outside import outside_findings
 from sonocal.registration.ambiguity import rival_of
 from sonocal.registration.degeneracy import refuse_apparent
 from sonocal.registration.mapped import MappedRows
@@ -116,6 +117,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     looks = (
         partial(few_targets_finding, few),
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
+        partial(outside_findings, rows.points_px[fit.inlier], size),
         partial(area_findings, found),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
