@@ -49,8 +49,8 @@ def distinct_of(rows: Rows, beside: Array | None = None) -> Distinct | None:
     kept, of_each = np.unique(first_like, return_inverse=True)
     if len(kept) == count:
         return None
-    chosen = np.isin(np.arange(count), kept)
-    return Distinct(_with_lines(rows, chosen), kept, of_each.reshape(-1))
+    once = np.isin(np.arange(count), kept)
+    return Distinct(_with_lines(rows, once), kept, of_each.reshape(-1))
 
 
 def _with_lines(rows: Rows, chosen: NDArray[np.bool_]) -> Rows:
