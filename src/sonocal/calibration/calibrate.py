@@ -13,6 +13,7 @@ from sonocal.calibration.few_targets import few_fixed_targets, few_targets_findi
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
+from sonocal.calibration.left_out import left_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.result import Calibration
@@ -117,6 +118,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     looks = (
         partial(few_targets_finding, few),
         partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
+        partial(left_out_findings, table, fit, used, accepted),
         partial(outside_findings, rows.points_px[fit.inlier], size),
         partial(area_findings, found),
         partial(held_out_findings, found, held_out),
