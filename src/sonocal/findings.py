@@ -40,6 +40,7 @@ CODES = {
     "error-follows-pose": "images near in pose share an error",
     "shared-target-error": "rows of a needle or wire share an error",
     "shared-frame-error": "rows of a frame share an error",
+    "repeated-rows": "rows repeat one another",
     "no-redundancy": "no row is left to check the answer",
     "many-outliers": "many rows or poses were left out",
     "left-out-rows-agree": "rows that were left out agree on another calibration",
@@ -127,6 +128,7 @@ DECISIVE = {
 CAUSES = {
     "implausible-units",
     "outside-image",
+    "repeated-rows",
     "marker-slipped",
     "left-out-rows-agree",
     "wrong-end-of-needle",

@@ -16,6 +16,7 @@ from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.left_out import left_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
+from sonocal.calibration.repeated import repeated_rows
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, known_image_size, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
@@ -82,11 +83,21 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     asked = Options.of(**options)
     require(observations, Observations, "a table of sightings (see read_observations)")
     rows, held_out = split_rows(observations, asked.fit_split, asked.test_split)
+    return _calibrated(rows, held_out, asked)
+
+
+def _calibrated(
+    rows: Observations, held_out: Observations | None, asked: Options, *, distinct: bool = False
+) -> Calibration:
+    """The calibration of rows, copies of one another counted once; `distinct`: there are no more of them."""
     size = known_image_size(rows, asked.image_size_px)
 
     # The transform that most rows agree with, refined on those that do.
     with explained(rows, asked):
         table, fit, mirrored = fit_rows(rows, asked)
+        if not distinct and (repeated := repeated_rows(table, fit)) is not None:
+            once = _calibrated(rows.select(repeated.kept), held_out, asked, distinct=True)
+            return repeated.told_of(once, rows)
         used, groupings = asked.resolved(fit.threshold_mm), groupings_of(table, rows)
 
         # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
