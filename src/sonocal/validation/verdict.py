@@ -21,6 +21,7 @@ SPOILING = {
     "latency-beyond-tolerance",
     "wrong-poses",
     "marker-slipped",
+    "two-markers",
     "wrong-tool-frame",
     "wrong-end-of-needle",
     "held-out-rows-far-off",
