@@ -13,7 +13,7 @@ __all__ = ["TwoMotions", "two_motions"]
 
 # Directions that a first guess parts the rows along, and rounds of expectation and maximisation.
 STARTS, FIRST_ROUNDS, ROUNDS = 3, 6, 30
-LEAST_SHARE = 0.05
+LEAST_SHARE = 0.15
 # Of the variance that one motion has if every group has a share of its own of it, to the rows': what is tried.
 RATIOS = np.concatenate([[0.0], np.logspace(-3, 3, 40)])
 TINY = float(np.finfo(float).tiny)
@@ -62,7 +62,8 @@ class _Mixture:
     """The rows' sums, and what is done with them."""
 
     def __init__(self, residuals: Array, motions: Array, rigid: Array, groups: NDArray[np.int64]) -> None:
-        self._r, self._groups, self._count = residuals, groups, int(groups.max()) + 1
+        self._r = residuals
+        self._groups, self._count = groups, int(groups.max()) + 1
         self._k = motions.shape[2]
         both = np.concatenate([motions, rigid], axis=2)
         self._both = both / np.maximum(np.sqrt(np.sum(both**2, axis=(0, 1))), TINY)

@@ -19,12 +19,21 @@ FEWEST, MOST = 40, 1000
 # Of the logarithm of how much likelier two lumps are than one as wide: sound scans reach 12, errors of other kinds 21,
 # two definitions of a marker that are 2 mm apart and more where things are seen 70.
 SURE = 25.0
-LEAST_SHARE = 0.1
+LEAST_SHARE = 0.15
+# Of the median residual: gross errors further out make lumps of their own.
+FURTHEST_OUT = 4.0
 
 
 def check_two_markers(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Does one rigid motion of their lines part the rows that were used in two lumps with little in between?"""
-    table, used = evidence.table, np.flatnonzero(evidence.inlier)
+    """Does one rigid motion of their lines part the rows that were used in two lumps with little in between?
+
+    Only of a table of one needle: wires that are not where they are said to be make lumps, too.
+    """
+    table, away = evidence.table, evidence.mapped.distances
+    assert table.target is not None
+    if len(np.unique(table.target)) > 1 or not evidence.inlier.any():
+        return
+    used = np.flatnonzero(evidence.inlier & (away <= FURTHEST_OUT * np.median(away[evidence.inlier])))
     sightings = np.arange(len(table)) if table.sightings is None else table.sightings
     groups = np.unique(sightings[used])
     if len(groups) < FEWEST:
