@@ -169,6 +169,7 @@ def needle_hints(name: str, length_mm: float) -> list[Hint]:
     return [Hint(f"{name} is {length_mm:.2g} mm long", length_mm, USUAL_NEEDLE_MM)]
 
 
+@np.errstate(over="ignore")
 def place_hints(name: str, matrices: Array) -> list[Hint]:
     """Of a tool's valid poses (N, 4, 4): one that turns and moves, but in no room of a usual size."""
     if len(matrices) < 2:
