@@ -16,6 +16,7 @@ __all__ = [
     "Diagnostic",
     "Findings",
     "anchor_of",
+    "reading_order",
     "warnings_first",
 ]
 
@@ -27,9 +28,11 @@ CODES = {
     # calibration
     "weak-motion": "the predicted error exceeds what is accepted",
     "narrow-area": "the area seen is a band",
+    "outside-image": "sightings lie outside of the image",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along the image's axes",
+    "anisotropic-scale-far-off": "with mm/px of its own along every axis the answer is another one",
     "image-distortion": "residuals are not alike all over the image",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
@@ -37,8 +40,10 @@ CODES = {
     "error-follows-pose": "images near in pose share an error",
     "shared-target-error": "rows of a needle or wire share an error",
     "shared-frame-error": "rows of a frame share an error",
+    "repeated-rows": "rows repeat one another",
     "no-redundancy": "no row is left to check the answer",
     "many-outliers": "many rows or poses were left out",
+    "left-out-rows-agree": "rows that were left out agree on another calibration",
     "not-converged": "the refinement did not come to rest",
     "held-out-rows-off": "held-out rows are further off than the fit explains",
     "held-out-rows-far-off": "held-out rows are off by far more than is accepted",
@@ -47,6 +52,7 @@ CODES = {
     "latency": "image and tracker are not of the same instant",
     "latency-beyond-tolerance": "with the lag undone the answer is another one",
     "marker-slipped": "the marker moved on the probe during the scan",
+    "two-markers": "one rigid motion parts the rows in two",
     "flipped-image": "the image is mirrored or turned",
     "scale-differs-from-scanner": "mm/px are not what the scanner says",
     "wrong-end-of-needle": "the needle is seen beyond an end of its segment",
@@ -130,6 +136,33 @@ DECISIVE = {
     "wrong-poses",
     "wrong-tool-frame",
     "flipped-image",
+}
+
+# Codes that name a cause beside those, and codes of what such causes bring about: the first are read before, the last
+# after all others. Whoever mends the cause need not mend them.
+CAUSES = {
+    "implausible-units",
+    "outside-image",
+    "repeated-rows",
+    "marker-slipped",
+    "two-markers",
+    "left-out-rows-agree",
+    "wrong-end-of-needle",
+    "second-needle",
+    "anisotropic-scale",
+    "anisotropic-scale-far-off",
+    "scale-differs-from-scanner",
+    "image-distortion",
+    "offset-in-tracker",
+}
+CONSEQUENCES = {
+    "weak-motion",
+    "drifting-residuals",
+    "error-follows-pose",
+    "many-outliers",
+    "not-converged",
+    "no-predicted-error",
+    "predicted-error-beyond-tolerance",
 }
 
 # Codes of reasons of a verdict that are no findings.
@@ -221,6 +254,10 @@ class Findings(Sequence[Diagnostic]):
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """The findings in their order: those to read before use before the others, of these what explains others first."""
-    return tuple(
-        sorted(findings, key=lambda finding: (finding.severity != "warning", finding.code not in DECISIVE))
-    )
+    return tuple(sorted(findings, key=lambda one: (one.severity != "warning", reading_order(one.code))))
+
+
+def reading_order(code: str) -> int:
+    """How early a code is read, on the screen, in files and among a verdict's reasons: causes before what they do."""
+    places = (code in DECISIVE, code in CAUSES, code not in CONSEQUENCES)
+    return places.index(True) if any(places) else len(places)

@@ -12,6 +12,7 @@ import sonocal as sc
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.options import Options
 from sonocal.registration.axis_scales import axis_scales
+from sonocal.validation import give_verdict
 
 CODE = "anisotropic-scale"
 
@@ -75,3 +76,13 @@ def test_the_scales_are_those_of_the_voxels_wherever_the_marker_is(seed):
     other = dataclasses.replace(rows, segments_mm=moved @ rows.segments_mm)
     table, fit, _ = fit_rows(other, Options())
     np.testing.assert_allclose(axis_scales(table, fit, {}).scales, found.scales, rtol=1e-3)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_scales_that_move_corners_far_stop_and_lead(dimension):
+    rows = rows_of(5, dimension, 120, (1.0, 1.25, 1.0)[:dimension])
+    verdict = give_verdict(sc.calibrate(rows, threshold_mm=20.0))
+    assert verdict.level == "stop"
+    assert verdict.codes[:2] == (CODE, f"{CODE}-far-off")
+    lenient = give_verdict(sc.calibrate(rows, threshold_mm=20.0, tolerance_mm=100.0))
+    assert f"{CODE}-far-off" not in lenient.codes

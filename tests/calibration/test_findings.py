@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import sonocal as sc
-from sonocal.findings import DECISIVE, Diagnostic, Findings
+from sonocal.findings import Diagnostic, Findings, reading_order
 
 SLIPPED = {"slip": (np.array([0.0, 0.05, 0.0]), np.array([4.0, 0.0, 0.0]))}
 
 findings = st.lists(
     st.builds(
         Diagnostic,
-        st.sampled_from(["latency", "weak-motion", "gaps"]),
+        st.sampled_from(["latency", "marker-slipped", "weak-motion", "gaps"]),
         st.sampled_from(["warning", "info"]),
         st.text(max_size=3),
         st.just("nothing"),
@@ -34,7 +34,7 @@ def slipped():
 
 def as_read(one):
     """Warnings first, and of these what explains others."""
-    return one.severity != "warning", one.code not in DECISIVE
+    return one.severity != "warning", reading_order(one.code)
 
 
 @given(st.lists(findings, max_size=4))

@@ -92,10 +92,22 @@ def test_a_misspelt_option_is_refused_before_the_table_is_looked_at():
         ({"fit_split": 3}, "fit_split must be the name of a split; got 3"),
         ({"test_split": b"a"}, "test_split must be the name of a split; got b'a'"),
         ({"fit_split": "a", "test_split": "a"}, "fit_split and test_split are both 'a'"),
-        ({"image_size_px": (640,)}, "image_size_px must be two or three positive whole numbers; got (640,)"),
-        ({"image_size_px": (640, 0)}, "image_size_px must be two or three positive whole numbers"),
-        ({"image_size_px": (640.5, 480)}, "image_size_px must be two or three positive whole numbers"),
-        ({"image_size_px": 640}, "image_size_px must be two or three positive whole numbers; got 640"),
+        (
+            {"image_size_px": (640,)},
+            "image_size_px must be two or three positive whole numbers below 1e+09; got (640,)",
+        ),
+        (
+            {"image_size_px": (640, 0)},
+            "image_size_px must be two or three positive whole numbers below 1e+09",
+        ),
+        (
+            {"image_size_px": (640.5, 480)},
+            "image_size_px must be two or three positive whole numbers below 1e+09",
+        ),
+        (
+            {"image_size_px": 640},
+            "image_size_px must be two or three positive whole numbers below 1e+09; got 640",
+        ),
         ({"scanner_mm_per_px": -1}, "scanner_mm_per_px must be positive"),
         (
             {"scanner_mm_per_px": (0.1, 0.1, 0.1)},

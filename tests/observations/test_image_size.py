@@ -46,10 +46,12 @@ def test_columns_say_the_same():
         b"# image_size_px: 640\n" + observations_csv(dataclasses.replace(ROWS, image_size_px=None)),
         b"# image_size_px: wide high\n" + observations_csv(dataclasses.replace(ROWS, image_size_px=None)),
         b"# image_size_px: 0 480\n" + observations_csv(dataclasses.replace(ROWS, image_size_px=None)),
+        b"# image_size_px: 99999999999999999999 5\n"
+        + observations_csv(dataclasses.replace(ROWS, image_size_px=None)),
     ],
 )
 def test_what_is_no_size_or_contradicts_itself_is_refused_in_a_sentence(content):
-    with pytest.raises(sc.InputError, match=r"a\.csv"):
+    with pytest.raises(sc.InputError, match=r"a\.csv, line \d+"):
         parse_observations(content, "a.csv")
 
 

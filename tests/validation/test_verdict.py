@@ -16,7 +16,7 @@ from sonocal.calibration.held_out import FAR
 from sonocal.cli.main import main
 from sonocal.export.itk import itk_tfm
 from sonocal.export.plus import plus_xml
-from sonocal.findings import Diagnostic
+from sonocal.findings import Diagnostic, reading_order
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import Validation, give_verdict, validate
 from sonocal.validation.verdict import HEADLINES, SPOILING
@@ -91,11 +91,19 @@ def test_the_order_of_findings_changes_no_level(some, order):
 def test_each_warning_is_a_reason_with_its_code_and_nothing_else_is(some):
     verdict = give_verdict(with_found(sound_calibration(), some))
     warned = [finding.code for finding in some if finding.severity == "warning"]
-    assert list(verdict.codes) == warned
+    assert list(verdict.codes) == sorted(warned, key=reading_order)
     assert verdict.reasons == ("something was found; do something",) * len(warned)
     assert (verdict.level == "use") == (not warned)
     assert (verdict.level == "stop") == bool(SPOILING & set(warned))
     assert verdict.headline == HEADLINES[verdict.level]
+
+
+@given(findings, st.floats(0.1, 20))
+def test_what_names_a_cause_leads_and_what_it_does_comes_last(some, factor):
+    codes = give_verdict(less_sure(with_found(sound_calibration(), some), factor)).codes
+    assert list(codes) == sorted(codes, key=reading_order)
+    if "marker-slipped" in codes and codes[-1] in ("weak-motion", "predicted-error-beyond-tolerance"):
+        assert codes.index("marker-slipped") < codes.index(codes[-1])
 
 
 @given(findings, st.floats(0.1, 20))

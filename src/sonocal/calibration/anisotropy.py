@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from sonocal.calibration.groupings import Groupings
+from sonocal.calibration.held_out import FAR
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array
+from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.axis_scales import AxisScales, axis_scales
 from sonocal.registration.fit import Fit
 from sonocal.registration.noise import estimate_noise
@@ -28,13 +29,25 @@ SURE = 0.0027
 ASSUMED_M_S, WATER_M_S, SPEEDS = 1540.0, 1482.0, 0.06
 
 
-def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) -> Iterator[Diagnostic]:
-    """Fits the wider model too, and tests whether its scales differ."""
+def anisotropy_findings(
+    table: PointLineRows, fit: Fit, groupings: Groupings, accepted: tuple[Array, float, str]
+) -> Iterator[Diagnostic]:
+    """Fits the wider model too, and tests whether its scales differ, and whether that is more than care can help.
+
+    Args:
+        table: the rows.
+        fit: of one scale.
+        groupings: what rows may share an error by.
+        accepted: the area (2, d), the error that is accepted at its corners, mm, and what messages call the area.
+    """
     if fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
         return
     if table.dimension == 3:
         found = axis_scales(table, fit, groupings.labels)
-        yield from () if found is None else diagnose_voxels(found)
+        said = [] if found is None else [*diagnose_voxels(found)]
+        yield from said
+        if found is not None and said:
+            yield from _beyond_tolerance(found.transform, fit, accepted)
         return
     wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
@@ -42,7 +55,28 @@ def anisotropy_findings(table: PointLineRows, fit: Fit, groupings: Groupings) ->
         noise = estimate_noise(table, wider, groupings.labels, time=groupings.time)
         # What few independent errors leave unknown is in a drift's covariance already, and the scan is warned of.
         significant = SIGNIFICANT if noise.drift is None else NORMAL_95
-        yield from diagnose_anisotropy(wider.transform.scales, noise.covariance, significant)
+        if said := [*diagnose_anisotropy(wider.transform.scales, noise.covariance, significant)]:
+            yield from said
+            yield from _beyond_tolerance(wider.transform, fit, accepted)
+
+
+def _beyond_tolerance(
+    wider: AxisScaled, fit: Fit, accepted: tuple[Array, float, str]
+) -> Iterator[Diagnostic]:
+    """The finding that an answer is not to be used: with its own scale along every axis it is another one."""
+    area, tolerance_mm, area_name = accepted
+    corners = area_places(area)[:-1]
+    apart = float(np.linalg.norm(wider @ corners - fit.transform @ corners, axis=-1).max())
+    if apart > FAR * tolerance_mm:
+        yield Diagnostic(
+            code="anisotropic-scale-far-off",
+            severity="warning",
+            message=(
+                f"with a scale of its own along every axis the corners of the {area_name} lie up to {apart:.1f} mm "
+                f"elsewhere, over {FAR:g} times the {tolerance_mm:g} mm accepted"
+            ),
+            advice="do not use one scale for these images; make their pixels square, or calibrate with the wider model",
+        )
 
 
 def diagnose_anisotropy(

@@ -10,7 +10,7 @@ from sonocal.calibration.result import Calibration
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 
-__all__ = ["area_findings", "expected_errors"]
+__all__ = ["area_findings", "corner_of", "expected_errors"]
 
 # Of the image's side, or of the longest side seen: ten points anywhere in an image span four fifths of it and more.
 BAND = 0.1
@@ -33,6 +33,11 @@ def expected_errors(calibration: Calibration, below: Array) -> str:
         f"(95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm a "
         "100 px."
     )
+
+
+def corner_of(area_name: str) -> str:
+    """One of the corners, for messages; of an image whose size is not known nothing is said."""
+    return "an image corner" if area_name == "image" else f"a corner of the {area_name}"
 
 
 def area_findings(calibration: Calibration) -> Iterator[Diagnostic]:

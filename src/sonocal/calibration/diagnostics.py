@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration.anisotropy import anisotropy_findings
+from sonocal.calibration.area import corner_of
 from sonocal.calibration.distortion import distortion_findings
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
@@ -62,18 +63,17 @@ def diagnose_weakness(
     _, tolerance_mm, area = accepted
     if worst_mm <= tolerance_mm:
         return
-    corner = "an image corner" if area == "image" else f"a corner of the {area}"
     cause = near.cause if near else "the sightings hold it too loosely"
     yield Diagnostic(
         code="weak-motion",
         severity="warning",
         message=(
-            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at {corner}, more than the "
+            f"the predicted error reaches {worst_mm:.1f} mm (95 %) at {corner_of(area)}, more than the "
             f"{tolerance_mm:g} mm accepted; loosest is {describe_motion(motion, freedom)}: {cause}"
         ),
         advice=near.advice
         if near
-        else "add sightings, above all near the image's corners and with other tilts",
+        else f"add sightings, above all near the corners of the {area} and with other tilts",
     )
 
 
@@ -248,8 +248,9 @@ def fit_findings(
     if mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
     yield from diagnose_noise(noise)
-    stretched = [*anisotropy_findings(mapped.table, fit, groupings)]
-    yield from stretched or distortion_findings(mapped, fit, noise, groupings, accepted[0])
+    stretched = [*anisotropy_findings(mapped.table, fit, groupings, accepted)]
+    area, _, area_name = accepted
+    yield from stretched or distortion_findings(mapped, fit, noise, groupings, (area, area_name))
 
 
 def predicts(noise: Noise) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from sonocal.calibration.area import corner_of
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -69,7 +70,7 @@ def distortions(points: Array, area_px: Array, mm_per_px: float) -> dict[str, Ar
 
 
 def distortion_findings(
-    mapped: MappedRows, fit: Fit, noise: Noise, groupings: Groupings, area_px: Array
+    mapped: MappedRows, fit: Fit, noise: Noise, groupings: Groupings, area: tuple[Array, str]
 ) -> Iterator[Diagnostic]:
     """The likeliest distortion, where it is no chance and moves the answer by more than is predicted.
 
@@ -78,8 +79,9 @@ def distortion_findings(
         fit: the transform.
         noise: of the rows.
         groupings: what rows may share an error by.
-        area_px: (2, d): the image.
+        area: (2, d), the image or what was seen of it, and what messages call it.
     """
+    area_px, area_name = area
     if fit.inlier.sum() <= MINIMAL_ROWS or not np.all(np.isfinite(noise.covariance)):
         return
     found = likeliest_distortion(
@@ -96,18 +98,18 @@ def distortion_findings(
     moved = np.linalg.norm(point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved, axis=1)
     bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
     if np.any(moved > np.maximum(bounds, LEAST_MM)):
-        yield _finding(found, float(moved.max()), float(bounds.max()))
+        yield _finding(found, float(moved.max()), float(bounds.max()), area_name)
 
 
-def _finding(found: Distortion, moved_mm: float, bound_mm: float) -> Diagnostic:
+def _finding(found: Distortion, moved_mm: float, bound_mm: float, area_name: str) -> Diagnostic:
     share = FORMS[found.form].format(100 * found.size, 100 * NORMAL_95 * found.deviation)
     return Diagnostic(
         code="image-distortion",
         severity="warning",
         message=(
             f"residuals are not alike all over the image; of what may be, {share} explains them best (by chance once "
-            f"in {1 / max(found.p_value, 1e-6):.0f} scans) and would move the answer by up to {moved_mm:.1f} mm at an "
-            f"image corner, where an error of {bound_mm:.1f} mm (95 %) is predicted"
+            f"in {1 / max(found.p_value, 1e-6):.0f} scans) and would move the answer by up to {moved_mm:.1f} mm at "
+            f"{corner_of(area_name)}, where an error of {bound_mm:.1f} mm (95 %) is predicted"
         ),
         advice=(
             "compare mm/px with the scanner's (--scanner-mm-per-px); check the temperature of the bath, its speed of "

@@ -33,6 +33,7 @@ def evidence_of(
         threshold_mm=calibration.threshold_mm,
         rms_mm=calibration.fit.rms_mm,
         tolerance_mm=calibration.options.tolerance_mm,
+        area_name=calibration.area_name,
     )
 
 

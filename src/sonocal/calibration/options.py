@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sonocal.errors import InputError
+from sonocal.geometry import FURTHEST
 from sonocal.registration.options import Model, Weighting, positive_number, true_or_false
 from sonocal.registration.options import Options as RegistrationOptions
 
@@ -120,8 +121,10 @@ def _size(value: Any) -> tuple[int, ...]:
         size = tuple(positive_number("image_size_px", number) for number in value)
     except (TypeError, InputError):
         size = ()
-    if len(size) not in (2, 3) or any(number != int(number) for number in size):
-        raise InputError(f"image_size_px must be two or three positive whole numbers; got {str(value)[:60]}")
+    if len(size) not in (2, 3) or any(number != int(number) or number >= FURTHEST for number in size):
+        raise InputError(
+            f"image_size_px must be two or three positive whole numbers below {FURTHEST:g}; got {str(value)[:60]}"
+        )
     return tuple(int(number) for number in size)
 
 

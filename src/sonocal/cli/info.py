@@ -90,8 +90,9 @@ def _calibration(_: str, found: Calibration) -> Shown:
 
 def _observations(_: str, found: Observations) -> Shown:
     from sonocal.cli.screen.calibration import observation_splits, print_observations
+    from sonocal.observations.outside import outside_findings
 
-    doubts = table_doubts(found)
+    doubts = [*table_doubts(found), *outside_findings(found.points_px, found.image_size_px)]
     record = [split | {"diagnostics": doubts} for split in observation_splits(found)]
     return record, _doubted(doubts, lambda: print_observations(console(), found))
 

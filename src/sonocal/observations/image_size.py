@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sonocal.errors import InputError
+from sonocal.geometry import FURTHEST
 
 __all__ = ["SIZE_COLUMNS", "checked_size", "size_in_words", "size_line", "size_of"]
 
@@ -26,10 +27,11 @@ def checked_size(value: Any, dimension: int, what: str) -> tuple[int, ...]:
     except (TypeError, ValueError, OverflowError):
         numbers, size = [], ()
     if len(size) != dimension or any(
-        whole != number or whole < 1 for whole, number in zip(size, numbers, strict=True)
+        whole != number or not 1 <= whole < FURTHEST for whole, number in zip(size, numbers, strict=True)
     ):
         raise InputError(
-            f"{what} must be {dimension} positive whole numbers for a {dimension}D probe; got {str(value)[:60]}"
+            f"{what} must be {dimension} positive whole numbers below {FURTHEST:g} for a {dimension}D probe; "
+            f"got {str(value)[:60]}"
         )
     return size
 

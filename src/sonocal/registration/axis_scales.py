@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.geometry import Array
+from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.whitened import HUBER, across_lines
@@ -27,14 +27,19 @@ class AxisScales:
     """Scales along u, v and w that fit the rows best.
 
     Attributes:
-        scales: (3,), mm per px.
+        transform: with them, mm from px.
         covariance: (3, 3), of their logarithms.
         freedom: residuals to spare behind it.
     """
 
-    scales: Array
+    transform: AxisScaled
     covariance: Array
     freedom: int
+
+    @property
+    def scales(self) -> Array:
+        """(3,), mm per px."""
+        return self.transform.scales
 
     @property
     def p_value(self) -> float:
@@ -77,7 +82,8 @@ def axis_scales(rows: PointLineRows, fit: Fit, groupings: dict[str, NDArray[np.i
         step = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
         rotation, shift = _turned(np.asarray(step[:3])) @ rotation, shift + step[3:6]
         scales = scales * np.exp(np.clip(step[6:], -LONGEST, LONGEST))
-    return _least_sure(scales, jacobian, residuals + jacobian @ step, [one[order] for one in labels])
+    found = AxisScaled(rotation, shift, scales)
+    return _least_sure(found, jacobian, residuals + jacobian @ step, [one[order] for one in labels])
 
 
 def _whitened(
@@ -138,11 +144,13 @@ def _turned(rotvec: Array) -> Array:
     return np.asarray(Rotation.from_rotvec(rotvec).as_matrix())
 
 
-def _least_sure(scales: Array, jacobian: Array, left: Array, labels: list[NDArray[np.int64]]) -> AxisScales:
+def _least_sure(
+    transform: AxisScaled, jacobian: Array, left: Array, labels: list[NDArray[np.int64]]
+) -> AxisScales:
     """The scales with that covariance, of single rows' and of groups', under which they differ least surely."""
     freedom, rows = len(left) - PARAMETERS, len(left) // 2
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
-    found = [AxisScales(scales, (left @ left / freedom * inverse)[6:, 6:], freedom)]
+    found = [AxisScales(transform, (left @ left / freedom * inverse)[6:, 6:], freedom)]
     scores = (jacobian * left[:, None]).reshape(rows, 2, PARAMETERS).sum(axis=1)
     for label in labels:
         codes = np.unique(label, return_inverse=True)[1].reshape(-1)
@@ -151,5 +159,5 @@ def _least_sure(scales: Array, jacobian: Array, left: Array, labels: list[NDArra
             summed = np.zeros((count, PARAMETERS))
             np.add.at(summed, codes, scores)
             widened = count / (count - 1) * len(left) / freedom * inverse @ (summed.T @ summed) @ inverse
-            found.append(AxisScales(scales, widened[6:, 6:], count - 1))
+            found.append(AxisScales(transform, widened[6:, 6:], count - 1))
     return max(found, key=lambda one: one.p_value)

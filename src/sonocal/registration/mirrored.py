@@ -1,4 +1,4 @@
-"""Volumes that are mirrored: they fit no similarity, and fit one once they are mirrored back."""
+"""Volumes and targets that are mirrored: they fit no similarity, and fit one once they are mirrored back."""
 
 from __future__ import annotations
 
@@ -6,18 +6,23 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import Diagnostic
+from sonocal.registration.constraints import Rows
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["mirrored_finding", "mirrored_volume", "refuse_mirrored_volume"]
+__all__ = ["mirrored_finding", "mirrored_volume", "refuse_mirrored_target", "refuse_mirrored_volume"]
 
 # Of the mirrored rows this many times as many must agree as of those that stand as they do: where most of all rows
 # do, and where a part does, as of several candidates for one needle.
 GAIN_OF_MOST, GAIN_OF_PART = 1.25, 2.0
+# Of correspondences that nothing else is wrong with.
+MOST_OF_TARGET = 0.8
 
 
 def mirrored_volume(rows: PointLineRows) -> PointLineRows:
@@ -57,6 +62,35 @@ def refuse_mirrored_volume(
         return
     found = mirrored_finding(agreeing, count, f"no more than {best_count} as they stand")
     raise MirroredVolumeError(f"{found.message}; {found.advice}", best_count=best_count).explained((found,))
+
+
+def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool_]) -> None:
+    """Name the mirror where few correspondences agree, as those near a plane do, and nearly all would when mirrored.
+
+    Args:
+        rows: the correspondences.
+        options: how they were fitted.
+        inlier: (C,): which of them agree as they stand.
+
+    Raises:
+        MirroredVolumeError: mirrored, most of them do, and at least twice as many.
+    """
+    agreeing, count = int(np.count_nonzero(inlier)), len(inlier)
+    if GAIN_OF_PART * agreeing >= count or options.threshold_mm == "auto":
+        return
+    points = np.ascontiguousarray(rows.points * [1.0, 1.0, -1.0])
+    table = _core.Table.of_planes(points, rows.planes, rows.first)
+    other = _core.estimate_correspondences(table, options.to_core(0, 0), refine=True, scale=0.0, weights=None)
+    if not other.found:
+        return
+    mirrored = int(np.count_nonzero(other.residuals_mm <= options.threshold_mm))
+    if mirrored < MOST_OF_TARGET * count or mirrored <= GAIN_OF_PART * agreeing:
+        return
+    raise MirroredVolumeError(
+        f"the correspondences fit when one of the two sides is mirrored: {mirrored} of {count} agree then, and no more "
+        f"than {agreeing} as they stand; one side is left-handed: turn one of its axes round",
+        best_count=agreeing,
+    )
 
 
 def mirrored_finding(agreeing: int, count: int, otherwise: str = "") -> Diagnostic:

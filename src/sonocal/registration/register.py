@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Literal
 
@@ -20,7 +20,9 @@ from sonocal.registration.degeneracy import (
     refuse_degenerate_lines,
     refuse_free_motion,
 )
+from sonocal.registration.distinct import distinct_of
 from sonocal.registration.fit import Fit, transform_of
+from sonocal.registration.mirrored import refuse_mirrored_target
 from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
 from sonocal.registration.options import Options, Weighting, true_or_false
 from sonocal.registration.robust import fit_point_lines
@@ -97,7 +99,8 @@ def register(
 
     Args:
         constraints: from `point_plane`, `point_line`, `point_point`, `line_line`, `line_plane`,
-            `plane_plane`; several kinds put together by `rows`.
+            `plane_plane`; several kinds put together by `rows`. One that repeats another number for number is no
+            second measurement, and counts once.
         robust: leave out correspondences further than the threshold; False: fit all.
         refine: False: the answer of the consensus, before it is refined to convergence.
         weighting: of points or lines on lines: "likelihood" weighs residuals by the noise they carry;
@@ -138,13 +141,29 @@ def register(
     )
     refine = true_or_false("refine", refine)
     _refuse_few(constraints)
-    if constraints.lines is not None and refine and scale is None and sigmas_mm is None:
-        return _register_lines(constraints, constraints.lines, options)
     told = Told(
         None if sigmas_mm is None else weights_of(sigmas_mm, len(constraints.first) - 1),
         None if scale is None else scale_of(scale),
     )
-    return _register_mix(constraints, options, told, refine=refine)
+    distinct = distinct_of(constraints, told.weights)
+    if distinct is None:
+        return _registered(constraints, options, told, refine=refine)
+    weights = None if told.weights is None else told.weights[distinct.first]
+    found = _registered(distinct.rows, options, replace(told, weights=weights), refine=refine)
+    return replace(
+        found, residuals_mm=found.residuals_mm[distinct.of_each], inlier=found.inlier[distinct.of_each]
+    )
+
+
+def _registered(constraints: Rows, options: Options, told: Told, *, refine: bool) -> Registration:
+    """Correspondences that all differ, by the fastest way that they have."""
+    found = (
+        _register_lines(constraints, constraints.lines, options)
+        if constraints.lines is not None and refine and told.nothing
+        else _register_mix(constraints, options, told, refine=refine)
+    )
+    refuse_mirrored_target(constraints, options, found.inlier)
+    return found
 
 
 def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bool) -> Registration:

@@ -31,6 +31,11 @@ class Told:
     weights: Array | None = None
     scale: float | None = None
 
+    @property
+    def nothing(self) -> bool:
+        """Whether all are alike and the scale is to be found."""
+        return self.weights is None and self.scale is None
+
     def of_rows(self, rows: Rows, chosen: NDArray[np.bool_]) -> Array | None:
         """(N,): the weights of the chosen correspondences' rows."""
         if self.weights is None:

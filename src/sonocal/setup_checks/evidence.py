@@ -29,7 +29,8 @@ class Evidence:
         area_px: (2, d): the least and the greatest corner of the image.
         threshold_mm: rows within this distance agree.
         rms_mm: of the distances of the rows that agree.
-        tolerance_mm: error at the image's corners that is accepted.
+        tolerance_mm: error at the area's corners that is accepted.
+        area_name: what messages call the area, which is the image where its size is known.
     """
 
     observations: Observations
@@ -40,6 +41,7 @@ class Evidence:
     threshold_mm: float
     rms_mm: float
     tolerance_mm: float = 2.0
+    area_name: str = "image"
 
     @property
     def transform(self) -> AxisScaled:

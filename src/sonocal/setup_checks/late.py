@@ -41,7 +41,8 @@ def lags_of(evidence: Evidence, motion: Motion | None, latency: float) -> Iterat
         lag = find_lag(rows, evidence.threshold_mm, evidence.model)
         if lag is not None and lag.moved_mm > LEAST_LAG_MM:
             yield lag_finding(lag)
-            yield from spoiling_lag(lag, evidence.transform, evidence.area_px, evidence.tolerance_mm)
+            area = evidence.area_px, evidence.tolerance_mm, evidence.area_name
+            yield from spoiling_lag(lag, evidence.transform, area)
             return
     if motion is not None:
         yield from latency_findings(motion, latency, evidence.tolerance_mm)
@@ -63,20 +64,19 @@ def lag_finding(lag: Lag, known_s: float = 0.0) -> Diagnostic:
     return latency_finding(f"{words}; {rows}", lag.value, lag.unit, known_s)
 
 
-def spoiling_lag(
-    lag: Lag, transform: AxisScaled, area_px: Array, tolerance_mm: float
-) -> Iterator[Diagnostic]:
+def spoiling_lag(lag: Lag, transform: AxisScaled, accepted: tuple[Array, float, str]) -> Iterator[Diagnostic]:
     """The finding that an answer is not to be used: without the lag it is another one.
 
     Args:
         lag: what was found.
         transform: the answer.
-        area_px: (2, d): the least and the greatest corner of the image.
-        tolerance_mm: error at the image's corners that is accepted.
+        accepted: the area (2, d), the error that is accepted at its corners, mm, and what messages call the area.
     """
+    area_px, tolerance_mm, area_name = accepted
     corners = area_places(area_px)[:-1]
     apart = np.linalg.norm(lag.fit.transform @ corners - transform @ corners, axis=-1).max()
     if apart > tolerance_mm:
         yield beyond_tolerance(
-            f"with the lag undone the image's corners lie up to {apart:.1f} mm elsewhere", tolerance_mm
+            f"with the lag undone the corners of the {area_name} lie up to {apart:.1f} mm elsewhere",
+            tolerance_mm,
         )

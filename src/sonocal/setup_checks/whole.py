@@ -15,9 +15,12 @@ from sonocal.setup_checks.motion import motion_of
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_tool_frame
 from sonocal.setup_checks.scale import check_scale
 from sonocal.setup_checks.slip import slip_findings
+from sonocal.setup_checks.two_markers import check_two_markers
 from sonocal.setup_checks.units import check_units
 
 __all__ = ["check_setup"]
+
+PARTING = {*DECISIVE, "marker-slipped", "second-needle"}
 
 
 def check_setup(
@@ -49,6 +52,9 @@ def check_setup(
         *check_copies(evidence),
         *_over_time(evidence, seed),
     ]
+    # A slip, a lag or a second needle moves part of the rows, too.
+    if not {one.code for one in findings} & PARTING:
+        findings += check_two_markers(evidence)
     if scanner_mm_per_px is not None:
         findings += check_scale(evidence, scanner_mm_per_px)
     explained = any(one.code in DECISIVE for one in findings)

@@ -87,9 +87,8 @@ class Suspects:
                 return own
             found = self.findings(used)
             if self._lag is not None:
-                tolerance_mm = self.options.tolerance_mm
-                answer = calibration.probe_from_image, calibration.area_px
-                found += tuple(spoiling_lag(self._lag, *answer, tolerance_mm))
+                accepted = calibration.area_px, self.options.tolerance_mm, calibration.area_name
+                found += tuple(spoiling_lag(self._lag, calibration.probe_from_image, accepted))
             better = {one.code for one in found} | ({"latency", "wrong-tool-frame"} if found else set())
             return (*found, *(one for one in own if one.code not in better))
 

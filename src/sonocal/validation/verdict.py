@@ -8,7 +8,7 @@ from typing import Literal
 from sonocal.calibration import Calibration
 from sonocal.calibration.area import expected_errors
 from sonocal.calibration.held_out import FAR, is_far_off
-from sonocal.findings import Diagnostic
+from sonocal.findings import Diagnostic, reading_order
 from sonocal.validation.whole import Validation
 
 __all__ = ["SPOILING", "Verdict", "give_verdict"]
@@ -21,11 +21,15 @@ SPOILING = {
     "latency-beyond-tolerance",
     "wrong-poses",
     "marker-slipped",
+    "two-markers",
     "wrong-tool-frame",
     "wrong-end-of-needle",
     "held-out-rows-far-off",
     "points-far-off",
     "implausible-units",
+    "outside-image",
+    "left-out-rows-agree",
+    "anisotropic-scale-far-off",
 }
 # Findings that measured an error beyond the predicted one.
 BEYOND_PREDICTED = {
@@ -79,7 +83,7 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
     warnings += [d for d in (validation.diagnostics if validation else ()) if d.severity == "warning"]
     why = [(finding.code, _sentence(finding)) for finding in warnings]
     if calibration.covariance is None:
-        why.insert(0, (NO_PREDICTION, "nothing is left over to tell how far off it is"))
+        why.append((NO_PREDICTION, "nothing is left over to tell how far off it is"))
         return _verdict("stop", "No error can be predicted.", why)
     below = calibration.predicted_errors()[2]
     expectation = expected_errors(calibration, below)
@@ -91,8 +95,7 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
     tolerance = calibration.options.tolerance_mm
     hopeless = is_far_off(calibration, float(below[:-1].max()))
     if hopeless:
-        why.insert(
-            0,
+        why.append(
             (
                 HOPELESS_ERROR,
                 f"the predicted error is over {FAR:g} times the {tolerance:g} mm accepted",
@@ -103,6 +106,7 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
 
 
 def _verdict(level: Level, expectation: str, why: list[tuple[str, str]]) -> Verdict:
+    why = sorted(why, key=lambda reason: reading_order(reason[0]))
     codes, reasons = tuple(code for code, _ in why), tuple(reason for _, reason in why)
     return Verdict(level, HEADLINES[level], expectation, reasons, codes)
 
