@@ -1,4 +1,4 @@
-"""Places in the image that are off by what is smooth over it: sound of another speed, lenses, axes at no right angle."""
+"""Places in the image that are off by what is smooth over it: sound of another speed, lenses, shear."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ FORMS = {
     ),
 }
 OF_SCANNER = (
-    "compare mm/px with the scanner's (--scanner-mm-per-px); check the temperature of the bath, its speed of sound, the "
-    "probe's geometry in the scanner's settings"
+    "compare mm/px with the scanner's (--scanner-mm-per-px); check the temperature of the bath, its speed of sound, "
+    "the probe's geometry in the scanner's settings"
 )
 OF_PICTURE = (
-    "check how images are grabbed and resampled: a camera before the screen, a wrong stride of the pixels, a volume whose "
-    "slices are shifted against each other or swept obliquely"
+    "check how images are grabbed and resampled: a camera before the screen, a wrong stride of the pixels, a volume "
+    "whose slices are shifted against each other or swept obliquely"
 )
 SHEARS = {"uv": (0, 1), "uw": (0, 2), "vw": (1, 2)}
 FORMS |= {
@@ -128,7 +128,7 @@ def _moved_mm(found: Distortion, fit: Fit, corners: Array, area_px: Array) -> Ar
     places = np.pad(corners, ((0, 0), (0, 3 - corners.shape[1])))
     form = distortions(places, area_px, float(fit.transform.scales.mean()))[found.form]
     undone = by_fit - found.size * form @ (fit.transform.rotation * fit.transform.scales).T
-    return np.maximum(np.linalg.norm(by_fit, axis=1), np.linalg.norm(undone, axis=1))
+    return np.asarray(np.maximum(np.linalg.norm(by_fit, axis=1), np.linalg.norm(undone, axis=1)))
 
 
 def _finding(found: Distortion, moved_mm: float, bound_mm: float) -> Diagnostic:
