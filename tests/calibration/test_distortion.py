@@ -140,7 +140,7 @@ def test_axes_of_a_volume_that_are_not_at_right_angles_are_named(first, second):
 
 
 def test_a_scan_of_the_middle_of_the_image_is_judged_by_the_corners():
-    """Forms are laid about the image's middle, whatever part of it was seen; what counts is the error at its corners."""
+    """Forms are laid about the image's middle, whatever part of it was seen; the error at its corners counts."""
     middle = np.array([[SIDE / 2, SIDE / 2, 0.0], [SIDE, SIDE, 0.0]])
     found = distortions(middle, np.array([[0.0, 0.0], [SIDE, SIDE]]), SCALE)
     np.testing.assert_allclose(found["radial"], [[0, 0, 0], [SIDE / 2, SIDE / 2, 0]], atol=1e-9)

@@ -148,8 +148,10 @@ def test_scans_of_usual_images_are_not_doubted_for_their_size(**measures):
 def test_probes_of_high_frequency_are_told_from_centimetres_by_the_trackers_errors(
     image, needle, marker, rms
 ):
-    assert not scan_hints(image, needle, marker, image / 500, rms, 2)
+    assert not scan_hints(
+        image_mm=image, needle_mm=needle, marker_mm=marker, scale=image / 500, rms_mm=rms, dimension=2
+    )
 
 
 def test_an_area_that_no_scanner_shows_is_doubted():
-    assert scan_hints(450.0, 200.0, 200.0, 0.9, 0.5, 2)
+    assert scan_hints(image_mm=450.0, needle_mm=200.0, marker_mm=200.0, scale=0.9, rms_mm=0.5, dimension=2)

@@ -61,13 +61,19 @@ def info(file: Path, poses: Path | None, latency_s: float, *, quick: bool, as_js
 
 
 def _recording(file: Path, poses: Path | None, latency_s: float, *, quick: bool) -> Shown:
+    from dataclasses import replace
+
     from sonocal.cli.screen.recording import print_recording
+    from sonocal.geometry.units import UNITS_CODE
     from sonocal.recording import summarize
     from sonocal.recording.formats import read_recording
+    from sonocal.tools import pivot_doubts
 
     recording = read_recording(file, poses, latency_s, "skip")
     with progress("looking at images") as report:
         summary = summarize(recording, look_at_images=not quick, progress=report)
+    if not any(one.code == UNITS_CODE for one in summary.diagnostics):
+        summary = replace(summary, diagnostics=(*pivot_doubts(recording), *summary.diagnostics))
     return summary, lambda: print_recording(console(), summary)
 
 

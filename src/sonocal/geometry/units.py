@@ -18,6 +18,7 @@ __all__ = [
     "place_hints",
     "scale_hints",
     "scan_hints",
+    "tip_hints",
     "unit_doubt",
 ]
 
@@ -53,6 +54,9 @@ SMALL_IMAGE_MM, SMALL_NEEDLE_MM, NEAR_MARKER_MM = 25.0, 30.0, 25.0
 TINY_IMAGE_MM, TINY_SCALE, TINY_VOXEL, TINY_RMS_MM = 20.0, 0.045, 0.1, 0.2
 # What images usually show, and the most across that any does.
 USUAL_IMAGE_MM, MOST_IMAGE_MM = (40.0, 260.0), 400.0
+# A tip so near the marker is no rarity of sensors in needles, but no tracker tells a tip's rest from place to place to
+# so little.
+NEAR_TIP_MM, TINY_PIVOT_MM, USUAL_TIP_MM = 30.0, 0.08, (50.0, 400.0)
 # Scales this near 1 mm/px are of places that are in mm already; of volumes' voxels it is a usual size.
 NEAR_ONE = 0.02
 # Places of images are counted in px from 0; normalised ones end at 1, and a detector may find a little more.
@@ -102,7 +106,7 @@ def unit_doubt(hints: Sequence[Hint], where: str = "") -> Iterator[Diagnostic]:
     question = other.question if other else "are these " + (" or ".join(units) if units else "millimetres")
     what = "; ".join(hint.what for hint in hints)
     yield Diagnostic(
-        code=UNITS_CODE,
+        code="implausible-units",
         severity="warning",
         message=f"{where}{question}? {what}",
         advice=(other.remedy if other else _remedy(units))
@@ -165,7 +169,7 @@ def length_hints(points_px: Array, segments_mm: Array) -> list[Hint]:
 
 
 def scan_hints(
-    image_mm: float, needle_mm: float, marker_mm: float, scale: float, rms_mm: float, dimension: int
+    *, image_mm: float, needle_mm: float, marker_mm: float, scale: float, rms_mm: float, dimension: int
 ) -> list[Hint]:
     """Of a scan whose scale may be: all of it too small, as in centimetres, or an image too large.
 
@@ -198,6 +202,17 @@ def needle_hints(name: str, length_mm: float) -> list[Hint]:
     if LEAST_NEEDLE_MM <= length_mm <= MOST_NEEDLE_MM:
         return []
     return [Hint(f"{name} is {length_mm:.2g} mm long", length_mm, USUAL_NEEDLE_MM)]
+
+
+def tip_hints(tip_mm: float, rms_mm: float) -> list[Hint]:
+    """Of a pivot: the tip's distance from the marker's origin, and what is left of its rest."""
+    if tip_mm >= NEAR_TIP_MM or rms_mm >= TINY_PIVOT_MM:
+        return []
+    said = (
+        f"the tip lies {tip_mm:.2g} mm from the marker's origin and rests to {rms_mm:.1g} mm rms, "
+        "which no tracker can tell"
+    )
+    return [Hint(said, tip_mm, USUAL_TIP_MM)]
 
 
 def place_hints(name: str, matrices: Array) -> list[Hint]:
