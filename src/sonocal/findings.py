@@ -31,6 +31,7 @@ CODES = {
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along the image's axes",
     "image-distortion": "residuals are not alike all over the image",
+    "bent-needle": "residuals follow the place along the needle",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
     "offset-in-tracker": "the needle is off by one offset in the tracker's frame",

@@ -70,4 +70,4 @@ def test_info_doubts_a_pivot(tmp_path):
         np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=",".join(["time_s", *names]), comments="")
         said = CliRunner().invoke(main, ["info", str(tmp_path / "a.csv")])
         assert said.exit_code == 0, said.output
-        assert ("are these centimetres" in " ".join(said.output.split())) == doubted
+        assert ("re these centimetres?" in " ".join(said.output.split())) == doubted

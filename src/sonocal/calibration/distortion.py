@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from sonocal.calibration.groupings import Groupings
@@ -16,7 +14,7 @@ from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.uncertainty import NORMAL_95, point_covariance, point_jacobian, radius_95
 
-__all__ = ["distortion_findings", "distortions"]
+__all__ = ["distortions", "likeliest_of_image"]
 
 # Of five to nine forms, some of which go together, one is beyond this in some five of a thousand sound scans.
 SURE = 0.001
@@ -91,9 +89,9 @@ def distortions(points: Array, area_px: Array, mm_per_px: float) -> dict[str, Ar
     return found
 
 
-def distortion_findings(
+def likeliest_of_image(
     mapped: MappedRows, fit: Fit, noise: Noise, groupings: Groupings, area_px: Array
-) -> Iterator[Diagnostic]:
+) -> tuple[float, Diagnostic] | None:
     """The likeliest distortion, where it is no chance and moves the answer by more than is predicted.
 
     Args:
@@ -102,9 +100,12 @@ def distortion_findings(
         noise: of the rows.
         groupings: what rows may share an error by.
         area_px: (2, d): the image.
+
+    Returns:
+        How often chance does as much, and the finding.
     """
     if fit.inlier.sum() <= MINIMAL_ROWS or not np.all(np.isfinite(noise.covariance)):
-        return
+        return None
     found = likeliest_distortion(
         mapped,
         fit.inlier,
@@ -114,12 +115,13 @@ def distortion_findings(
         groups=list(groupings.labels.values()),
     )
     if found is None or found.p_value > SURE:
-        return
+        return None
     corners = area_places(area_px)[:-1]
     moved = _moved_mm(found, fit, corners, area_px)
     bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
-    if np.any(moved > np.maximum(bounds, LEAST_MM)):
-        yield _finding(found, float(moved.max()), float(bounds.max()))
+    if not np.any(moved > np.maximum(bounds, LEAST_MM)):
+        return None
+    return found.p_value, _finding(found, float(moved.max()), float(bounds.max()))
 
 
 def _moved_mm(found: Distortion, fit: Fit, corners: Array, area_px: Array) -> Array:
