@@ -72,6 +72,9 @@ CODES = {
     "duplicated-images": "images repeat the one before them",
     "orientation-unknown": "the file does not say how images are oriented",
     "orientation-changed": "images were turned to u right, v down",
+    "region-scales": "parts of the image have mm/px of their own",
+    "private-volumes": "volumes that are not read stand beside the pictures",
+    "scan-converted": "a volume was brought from beams to cubes",
     "motive-axes": "Motive's world has Y up",
     # tools
     "repeated-poses": "poses repeat others to the last digit",

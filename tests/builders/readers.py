@@ -91,6 +91,11 @@ def every_format(folder):
     return [path.read_bytes() for paths in sound_paths(folder).values() for path in paths if path.is_file()]
 
 
+def bags(folder):
+    """Bags that are one file."""
+    return [path.read_bytes() for path in SOUND["ROS bag"](folder) if path.is_file()]
+
+
 METAIO, NRRD = "PLUS sequence metafile, MetaIO image", "PLUS and Slicer NRRD sequence, NRRD image"
 DEVICES, TARGETS = contents("PLUS device set"), contents("needles, wires, points of tools")
 
@@ -101,8 +106,13 @@ READERS = {
     "poses": Reader(".csv", whole, contents("CSV of poses")),
     "motive": Reader(".csv", whole, contents("OptiTrack Motive CSV")),
     "dicom": Reader(".dcm", whole, contents("DICOM")),
+    "kretz": Reader(".vol", whole, contents("GE Kretz volume")),
     "pictures": Reader(".png", whole, contents("image")),
     "video": Reader(".mp4", whole, contents("video", ".mp4")),
+    "plus-video": Reader(".mkv", whole, contents("video", "plus.mkv")),
+    "scene": Reader(".mrb", whole, contents("Slicer scene", ".mrb")),
+    "scan": Reader(".h5", whole, contents("TUS-REC scan")),
+    "bag": Reader(".bag", whole, bags),
     "device-set": Reader(".xml", read_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),
     "into-device-set": Reader(".xml", into_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),
     "lines": Reader(".toml", read_lines, TARGETS),

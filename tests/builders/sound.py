@@ -11,10 +11,14 @@ from sonocal.calibration import calibration_json
 from sonocal.observations import observations_csv
 from sonocal.recording.formats import write_recording
 from sonocal.simulation.scene import simulate_observations
-from tests.builders.pictures import dicom_file, images
-from tests.builders.recordings import random_poses, random_recording
+from tests.builders.bags import messages_for, small_sweep, write_bag
+from tests.builders.kretz import kretz_bytes, some_toroid
+from tests.builders.pictures import PHILIPS_CLASS, dicom_file, images, items, palette, plane, volume_file
+from tests.builders.recordings import random_pixels, random_poses, random_recording
+from tests.builders.scenes import image_sequence, transform_sequence, write_scene
 from tests.builders.tables import matrices_in, motive
 from tests.builders.targets import LINE, PHANTOM, POINT
+from tests.builders.videos import video_with_texts
 
 KNOWN_POINTS = b"u_px,v_px,x_mm,y_mm,z_mm,target\n1,2,3,4,5,a\n6,7,8,9,1,a\n"
 TRACKED_POINTS = (
@@ -60,8 +64,27 @@ def motive_tables(folder):
 
 
 def dicoms(folder):
-    dicom_file(folder / "a.dcm", images((3, 4, 5)), FrameTime="50")
-    return [folder / "a.dcm"]
+    ramp, planes = np.arange(256, dtype=np.uint8), [plane([0, 0, 0.5 * w]) for w in range(3)]
+    region = {
+        "PhysicalUnitsXDirection": 3,
+        "PhysicalUnitsYDirection": 3,
+        "PhysicalDeltaX": 0.02,
+        "PhysicalDeltaY": 0.03,
+    }
+    dicom_file(folder / "a.dcm", images((3, 4, 5)), FrameTime="50", SequenceOfUltrasoundRegions=items(region))
+    dicom_file(folder / "b.dcm", images((2, 4, 5)), **palette(ramp, ramp[::-1].copy(), ramp))
+    volume_file(folder / "c.dcm", planes, images((3, 4, 5)))
+    slices = {0x30011001: ("UL", 3), 0x30011003: ("FD", 0.1)}
+    dicom_file(
+        folder / "d.dcm", images((6, 4, 5)), private=slices, SOPClassUID=PHILIPS_CLASS, NumberOfFrames=2
+    )
+    return [folder / f"{name}.dcm" for name in "abcd"]
+
+
+def kretz_volumes(folder):
+    (folder / "a.vol").write_bytes(kretz_bytes(*some_toroid()))
+    (folder / "b.vol").write_bytes(kretz_bytes(some_toroid()[0]))
+    return [folder / "a.vol", folder / "b.vol"]
 
 
 def pictures(folder):
@@ -87,7 +110,47 @@ def videos(folder):
             container.mux(stream.encode())
         made.append(folder / f"a.{'mkv' if form == 'matroska' else form}")
         made[-1].write_bytes(content.getvalue())
-    return made
+    tracks = {"ProbeToTrackerTransform": {i / 10: "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1" for i in range(3)}}
+    video_with_texts(folder / "plus.mkv", np.zeros((3, 16, 16), np.uint8), tracks)
+    return [*made, folder / "plus.mkv"]
+
+
+def rosbags(*forms):
+    def make(folder):
+        made = []
+        for i, form in enumerate(forms):
+            messages = messages_for(form)
+            made.append(write_bag(folder / f"{i}.bag", form, messages, small_sweep(messages)))
+        return made
+
+    return make
+
+
+def scenes(folder):
+    pixels = random_pixels(np.random.default_rng(0), (3, 4, 5), "uint8")
+    poses = random_poses(np.random.default_rng(0), 3)
+    files = {
+        "Image.seq.nrrd": image_sequence(range(3), pixels),
+        "ProbeToTracker.seq.mha": transform_sequence("ProbeToTracker", range(3), poses),
+    }
+    for name in ("a.mrb", "b.mrml"):
+        write_scene(folder / name, files)
+    return [folder / "a.mrb", folder / "b.mrml"]
+
+
+def scans(folder):
+    rng = np.random.default_rng(0)
+    pixels = random_pixels(rng, (4, 5, 6), "uint8")
+    for name, how in {"plain": {}, "packed": {"chunks": (1, 5, 6), "compression": "gzip"}}.items():
+        write_scan(folder / f"{name}.h5", pixels, random_poses(rng, 4), **how)
+    return [folder / "plain.h5", folder / "packed.h5"]
+
+
+def write_scan(path, frames, transforms, **how):
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    with h5py.File(path, "w") as file:
+        file.create_dataset("frames", data=frames, **how)
+        file.create_dataset("tforms", data=transforms)
 
 
 def folders(folder):
@@ -123,7 +186,11 @@ SOUND = {
     "CSV of poses": pose_tables,
     "OptiTrack Motive CSV": motive_tables,
     "video": videos,
+    "ROS bag": rosbags("1", "1 lz4", "mcap file", "mcap zstd", "sqlite3 file", "sqlite3 message"),
+    "Slicer scene": scenes,
+    "TUS-REC scan": scans,
     "DICOM": dicoms,
+    "GE Kretz volume": kretz_volumes,
     "image": pictures,
     "folder of images or of DICOM files": folders,
     "table of sightings": files(a_csv=sightings(2), b_csv=sightings(3)),

@@ -6,6 +6,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +56,17 @@ def same_calibration(one, other):
     assert calibration_json(one) == calibration_json(other)
 
 
+def same_recordings(one, other):
+    """To the last bit; no status said of any pose is none."""
+    assert_same(*(replace(each, poses={n: said(p) for n, p in each.poses.items()}) for each in (one, other)))
+
+
+def said(poses):
+    return poses if any(poses.status or ()) else replace(poses, status=None)
+
+
 SAME = {
-    "recording": assert_same,
+    "recording": same_recordings,
     "targets": same_targets,
     "observations": same_table,
     "calibration": same_calibration,
@@ -143,7 +153,7 @@ def test_what_is_written_is_read_again(sound, name, suffix, tmp_path):
         value = one.read(path)
         first, second = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
         one.write(value, first)
-        again = one.read(first)
+        again = (read_recording if one.kind == "recording" else one.read)(first)  # with what lies beside it
         SAME[one.kind](value, again)
         assert format_of(first) is one
         one.write(again, second)
@@ -162,7 +172,7 @@ def test_a_writer_says_which_names_it_writes_and_they_are_its_own():
 @settings(max_examples=40)
 @given(data=st.data(), change=damage())
 def test_damaged_files_are_read_or_refused_in_one_sentence(sound, tmp_path_factory, name, data, change):
-    path = data.draw(st.sampled_from(sound[name]))
+    path = data.draw(st.sampled_from([path for path in sound[name] if path.is_file()]))
     damaged = tmp_path_factory.mktemp("damaged") / path.name
     damaged.write_bytes(change(path.read_bytes()))
     try:
@@ -183,7 +193,8 @@ def test_sniffing_any_bytes_gives_a_format_or_a_sentence(tmp_path_factory, conte
     path = tmp_path_factory.mktemp("any") / f"file{suffix}"
     path.write_bytes(content)
     head = Head.of(path)
-    assert head.looks_like in ("an empty file", "binary data", "XML", "text")
+    kinds = ("an empty file", "binary data", "XML", "text", "a web page (HTML), whatever its name says,")
+    assert head.looks_like in kinds
     found = recognise(head, FORMATS)
     if found is None:
         with pytest.raises(SonocalError, match="in no format that sonocal reads; it reads "):
@@ -197,8 +208,8 @@ def test_nothing_heavy_is_loaded_to_know_a_file(sound):
     code = (
         "import sys; from pathlib import Path; from sonocal.cli.formats import format_of\n"
         "for path in sys.argv[1:]: format_of(Path(path))\n"
-        "heavy = ('scipy', 'av', 'PIL', 'pydicom', 'msgspec', 'rich', 'sonocal._core', 'sonocal.calibration', "
-        "'sonocal.detection', 'sonocal.sweep')\n"
+        "heavy = ('scipy', 'av', 'PIL', 'rosbags', 'pydicom', 'msgspec', 'rich', 'sonocal._core', "
+        "'sonocal.calibration', 'sonocal.detection', 'sonocal.sweep')\n"
         "print([m for m in heavy if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code, *paths], capture_output=True, text=True, check=True)
@@ -213,10 +224,10 @@ def test_the_page_of_formats_has_the_table_of_the_registry():
         assert "|" not in "".join((one.name, one.holds, one.header, *one.suffixes, *one.needs))
 
 
-def test_the_packages_a_format_needs_are_those_of_the_extra():
+def test_the_packages_a_format_needs_are_those_of_the_extras():
     project = (Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8")
-    extra = project.partition("\nio = [")[2].partition("\n]")[0]
-    assert all(f'"{package}>=' in extra for one in FORMATS for package in one.needs)
+    extras = project.partition("\n[project.optional-dependencies]\n")[2].partition("\nreport = ")[0]
+    assert all(f'"{package}>=' in extras for one in FORMATS for package in one.needs)
 
 
 def test_a_table_of_several_kinds_is_known_by_what_matters_more(tmp_path):

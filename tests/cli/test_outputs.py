@@ -20,6 +20,8 @@ COMMANDS = {
     "calibrate a recording": ["calibrate", "sweep.igs.mha", "--lines", "needle.toml", "-o", "out"],
     "detect": ["detect", "sweep.igs.mha", "--lines", "needle.toml", "-o", "out.csv", "--sheet", "out.png"],
     "export": ["export", "calibration.json", "--to", "itk", "-o", "out.tfm"],
+    "convert": ["convert", "sweep.igs.mha", "-o", "out.nrrd"],
+    "convert to two files": ["convert", "sweep.igs.mha", "-o", "out.mkv"],
     "simulate": ["simulate", "-o", "out", "--frames", "2"],
     "demo": ["demo", "-o", "out", "--needles", "10"],
 }
@@ -29,6 +31,7 @@ ONTO_INPUT = {
     "detect, the sheet": ["detect", "sweep.igs.mha", "--lines", "needle.toml", "--sheet", "./needle.toml"],
     "export": ["export", "calibration.json", "--to", "json", "-o", "link.json"],
     "tool": ["tool", "sweep.igs.mha", "-o", "sweep.igs.mha"],
+    "convert": ["convert", "sweep.igs.mha", "-o", "./sweep.igs.mha"],
     "calibrate": ["calibrate", "observations.csv", "--lines", "needle.toml", "-o", "."],
     "calibrate, among its images": ["calibrate", "images", "--lines", "needle.toml", "-o", "images"],
 }

@@ -10,10 +10,10 @@ import sonocal as sc
 from sonocal.cli.main import main
 from sonocal.files.tables import LONGEST_TEXT
 from sonocal.files.toml import LONGEST_LINE, MOST_PARTS
+from sonocal.files.xml import DEEPEST
 from sonocal.observations import observations_csv
 from sonocal.simulation.scene import simulate_observations
 from sonocal.targets import read_device_set, read_lines
-from sonocal.targets.device_set import DEEPEST
 
 READ = """
 import resource, sys

@@ -157,3 +157,33 @@ def test_a_device_set_without_wires_gives_no_lines(tmp_path):
         InputError, match="describes no phantom wires; name a device set with a PhantomDefinition"
     ):
         read_lines(tmp_path / "a.xml")
+
+
+WIRE = '<Wire Name="a" EndPointFront="0 0 0" EndPointBack="0 40 0" />'
+OTHER = '<Wire Name="b" EndPointFront="5 0 0" EndPointBack="5 40 0" />'
+
+
+def in_patterns(*patterns):
+    """A device set with these wires in each pattern."""
+    whole = "".join(f'<Pattern Type="CoplanarParallelWires">{"".join(wires)}</Pattern>' for wires in patterns)
+    return PHANTOM.replace(f'<Pattern Type="NWire">\n    {WIRE}\n  </Pattern>', whole)
+
+
+@pytest.mark.parametrize(
+    "again",
+    [WIRE, '<Wire Name="a" EndPointFront="0 40 0" EndPointBack="0 0.0 0" />'],
+    ids=["same", "turned round"],
+)
+def test_a_wire_that_two_patterns_share_is_one(tmp_path, again):
+    (tmp_path / "a.xml").write_text(in_patterns((WIRE, OTHER), (again,)))
+    found = read_device_set(tmp_path / "a.xml")
+    assert [wire.name for wire in found.wires] == ["a", "b"]
+    assert found.patterns == (("a", "b"), ("a",))
+    lines, _ = read_lines(tmp_path / "a.xml")
+    assert len(lines) == 2
+
+
+def test_two_wires_of_one_name_in_two_patterns_are_refused(tmp_path):
+    (tmp_path / "a.xml").write_text(in_patterns((WIRE,), (OTHER.replace('"b"', '"a"'),)))
+    with pytest.raises(InputError, match=r"a\.xml: two lines are called 'a'; give each its own name"):
+        read_device_set(tmp_path / "a.xml")

@@ -8,6 +8,7 @@ import click
 
 from sonocal import __version__
 from sonocal.cli.calibrate import calibrate
+from sonocal.cli.convert import convert
 from sonocal.cli.demo import demo
 from sonocal.cli.detection import COMMANDS
 from sonocal.cli.export import export
@@ -40,5 +41,5 @@ def main() -> None:
     """
 
 
-for _command in (demo, calibrate, *COMMANDS, tool, validate, study, export, info):
+for _command in (demo, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
     main.add_command(_command)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,13 @@ WRITTEN = {"output", "sheet", "into"}
 RESULTS = ("calibration.json", "report.html", "observations.csv", "contact-sheet.png")
 
 
-def reserve(*paths: Path, replaced: bool = False) -> None:
+def reserve(*paths: Path, replaced: bool = False, read: Iterable[str] = ()) -> None:
     """Refuse to write where something would be lost; asked before long work, and again before writing.
 
     Args:
         *paths: files that the running command is about to write.
         replaced: that they may be replaced, whatever the command line says.
+        read: files that the command reads beside those that the command line names.
 
     Raises:
         InputError: a path is what the command reads, or is there already and ``--overwrite`` was not given.
@@ -34,6 +35,7 @@ def reserve(*paths: Path, replaced: bool = False) -> None:
     params = click.get_current_context().params
     told = bool(params.get("overwrite"))
     inputs = list(_paths([value for name, value in params.items() if name not in WRITTEN]))
+    inputs += map(Path, read)
     for path in paths:
         _refuse_input(path, inputs)
     for path in paths:

@@ -215,6 +215,7 @@ def tip_hints(tip_mm: float, rms_mm: float) -> list[Hint]:
     return [Hint(said, tip_mm, USUAL_TIP_MM)]
 
 
+@np.errstate(over="ignore")
 def place_hints(name: str, matrices: Array) -> list[Hint]:
     """Of a tool's valid poses (N, 4, 4): one that turns and moves, but in no room of a usual size."""
     if len(matrices) < 2:

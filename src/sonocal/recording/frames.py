@@ -103,17 +103,24 @@ class ArrayFrames(Frames):
 
 
 class RawFrames(Frames):
-    """Frames stored one after the other in a file, without compression."""
+    """Frames stored one after the other in a file, without compression; `exactly` says that nothing follows them."""
 
     def __init__(
-        self, path: Path, offset: int, count: int, shape: tuple[int, ...], dtype: np.dtype[Any]
+        self,
+        path: Path,
+        offset: int,
+        count: int,
+        shape: tuple[int, ...],
+        dtype: np.dtype[Any],
+        *,
+        exactly: bool = True,
     ) -> None:
         self._path, self._offset, self._count = path, offset, count
         self.shape, self.dtype = shape, dtype.newbyteorder("=")
         self._stored = dtype
         check_frame_size(path.name, shape, dtype)
         expected, there = count * self.frame_bytes, file_size(path) - offset
-        if expected != there:
+        if expected > there or (exactly and expected != there):
             raise FormatError(
                 f"{path.name}: holds {max(there, 0)} bytes of pixels where its header asks for {expected} "
                 f"({count} frames of {'x'.join(map(str, shape))} {dtype.name}); record or copy it again"

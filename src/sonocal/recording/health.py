@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from sonocal.findings import Diagnostic
 from sonocal.geometry.units import place_hints, unit_doubt
 from sonocal.recording.model import ImageGeometry, Recording
-from sonocal.recording.poses import FROZEN_RUN, RIGID_TOLERANCE, Poses, longest_run, rigidity_error
+from sonocal.recording.poses import (
+    FROZEN_RUN,
+    RIGID_TOLERANCE,
+    Poses,
+    determinant,
+    longest_run,
+    rigidity_error,
+    travel_mm,
+)
 
 __all__ = ["Summary", "ToolSummary", "health", "summarize", "unit_findings"]
 
@@ -173,7 +181,7 @@ def _poses(poses: Poses) -> Iterator[Diagnostic]:
         yield _warning(
             "non-rigid-poses",
             f"{name}: {bent.sum()} poses marked valid are not rigid, first at frame {i} "
-            f"(det R = {np.linalg.det(poses.matrices[i, :3, :3]):.3g})",
+            f"(det R = {determinant(poses.matrices[i]):.3g})",
             "leave such frames out with --on-invalid skip; find what wrote scale or shear into a pose",
         )
     yield from _stillness(name, poses)
@@ -184,7 +192,7 @@ def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
     if len(seen) < 2:
         return
     same = (seen[1:] == seen[:-1]).all(axis=(1, 2))
-    travel, turn = _travel_mm(seen), np.abs(seen[:, :3, :3] - seen[0, :3, :3]).max()
+    travel, turn = travel_mm(seen), np.abs(seen[:, :3, :3] - seen[0, :3, :3]).max()
     if travel < STATIC_MM and turn < STATIC_RAD:
         yield Diagnostic(
             code="static-tool",
@@ -233,16 +241,8 @@ def _tool(poses: Poses) -> ToolSummary:
         poses=len(poses),
         valid=int(poses.valid.sum()),
         longest_loss=longest_run(~poses.valid),
-        travel_mm=_travel_mm(poses.matrices[poses.valid]),
+        travel_mm=travel_mm(poses.matrices[poses.valid]),
     )
-
-
-def _travel_mm(matrices: NDArray[np.float64]) -> float:
-    """The largest distance from the median place."""
-    if len(matrices) == 0:
-        return 0.0
-    places = matrices[:, :3, 3]
-    return float(np.linalg.norm(places - np.median(places, axis=0), axis=1).max())
 
 
 def _warning(code: str, message: str, advice: str) -> Diagnostic:

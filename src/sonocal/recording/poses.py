@@ -20,9 +20,11 @@ __all__ = [
     "OnInvalid",
     "Poses",
     "by_name",
+    "determinant",
     "longest_run",
     "repeated",
     "rigidity_error",
+    "travel_mm",
 ]
 
 Mask = NDArray[np.bool_]
@@ -104,7 +106,7 @@ class Poses:
             frame = int(np.flatnonzero(bad)[0])
             raise InputError(
                 f"{source}, frame {frame}: {self.plus_name} is not rigid "
-                f"(det R = {np.linalg.det(self.matrices[frame, :3, :3]):.3g}); "
+                f"(det R = {determinant(self.matrices[frame]):.3g}); "
                 "drop such frames with --on-invalid skip"
             )
         return replace(self, valid=self.valid & ~bad)
@@ -147,6 +149,21 @@ def rigidity_error(matrices: ArrayLike) -> Array:
     return np.asarray(np.where(mirrored & np.isfinite(error), np.inf, error))
 
 
+@np.errstate(over="ignore", invalid="ignore")
+def determinant(matrix: Array) -> float:
+    """Of the rotation in a pose (4, 4), for messages: what is no pose may have numbers of any size."""
+    return float(np.linalg.det(matrix[:3, :3]))
+
+
+@np.errstate(over="ignore")
+def travel_mm(matrices: Array) -> float:
+    """The largest distance of poses (N, 4, 4) from their median place."""
+    if len(matrices) == 0:
+        return 0.0
+    places = matrices[:, :3, 3]
+    return float(np.linalg.norm(places - np.median(places, axis=0), axis=1).max())
+
+
 def _inverted(matrices: Array, valid: Mask) -> Array:
     # The general inverse, not the transpose: files round rotations, and a chain should undo what they state.
     inverse = np.full_like(matrices, np.nan)
@@ -173,7 +190,8 @@ def poses_from_quaternions(
     from scipy.spatial.transform import Rotation
 
     valid = np.asarray(np.isfinite(quaternions_wxyz).all(axis=1) & np.isfinite(places_mm).all(axis=1))
-    length = np.linalg.norm(quaternions_wxyz, axis=1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(quaternions_wxyz, axis=1)
     off = valid & ~(np.abs(length - 1) <= UNIT_TOLERANCE)
     if off.any():
         row = int(np.flatnonzero(off)[0])

@@ -38,7 +38,8 @@ def interpolate_poses(
     """Poses at other times: turns along the shortest arc, moves along the straight line.
 
     A pose is never made up across an invalid one, a gap longer than `max_gap_s`, or beyond the ends;
-    such times get an invalid one. At the recorded times the recorded poses come back to the bit.
+    such times get an invalid one. At the recorded times the recorded poses come back to the bit, with their
+    statuses where all times are recorded ones.
 
     Args:
         poses: N of them.
@@ -58,6 +59,8 @@ def interpolate_poses(
     _check_increasing(stamps, source)
     usable = poses.usable(source, on_invalid)
     after = np.clip(np.searchsorted(stamps, wanted, side="left"), 0, len(stamps) - 1)
+    if (stamps[after] == wanted).all():  # nothing is between two poses: they keep their statuses, too
+        return usable.select(after)
     exact = (stamps[after] == wanted) & usable.valid[after]
     before = np.maximum(after - 1, 0)
     bridged = (

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from sonocal.errors import FormatError, InputError
+from sonocal.errors import InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import Format
+from sonocal.files.xml import parse_xml
 from sonocal.geometry import Array
 from sonocal.targets.lines import (
     Line,
     check_lines,
 )
 
-__all__ = ["FORMAT", "DeviceSet", "parse_xml", "read_device_set"]
+__all__ = ["FORMAT", "DeviceSet", "read_device_set"]
 
 SIZE_LIMIT = 16 << 20
-DEEPEST = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +32,7 @@ class DeviceSet:
     Attributes:
         name: of the file.
         transforms: ``(target, source) -> (4, 4)``, such as ``("Reference", "Phantom")``.
-        wires: of the phantom, in its own frame.
+        wires: of the phantom, in its own frame; one that several patterns share stands once.
         patterns: names of the wires of each N: left, middle, right.
     """
 
@@ -52,39 +51,18 @@ def read_device_set(path: str | Path) -> DeviceSet:
         InputError: it is another XML document, or a matrix or wire in it is wrong.
     """
     path = Path(path)
-    root = parse_xml(path.name, read_text(path, "a PLUS device set", SIZE_LIMIT))
+    root = parse_xml(path.name, read_text(path, "a PLUS device set", SIZE_LIMIT), "device set")
     if root.tag != "PlusConfiguration":
         raise InputError(
             f"{path.name}: its root is <{str(root.tag)[:40]}> where a PLUS device set has <PlusConfiguration>"
         )
     phantom = _phantom_frame(root)
     patterns = [list(_wires(path.name, element, phantom)) for element in _patterns(root)]
-    wires = tuple(wire for pattern in patterns for wire in pattern)
-    check_lines(path.name, wires)
+    wires = tuple(_each_once(wire for pattern in patterns for wire in pattern))
+    for lines in (*patterns, wires):
+        check_lines(path.name, lines)
     names = tuple(tuple(wire.name for wire in pattern) for pattern in patterns)
     return DeviceSet(path.name, dict(_transforms(path.name, root)), wires, names)
-
-
-def parse_xml(name: str, text: str) -> ET.Element:
-    """Parse XML that declares nothing: no document type, hence no entities and no bombs.
-
-    Raises:
-        FormatError: it declares something, or is not XML.
-    """
-    if re.match(r"\s*<(!doctype\s+)?html", text, re.IGNORECASE):
-        raise FormatError(f"{name}: is a web page (HTML) and not a device set; download the file itself")
-    if re.search(r"<!(?!--|\[CDATA\[)", text):
-        raise FormatError(
-            f"{name}: declares a document type or entities, which a device set never needs; delete them"
-        )
-    parser = ET.XMLParser(target=_Shallow(name))
-    try:
-        # As bytes, with the declaration dropped: the text was decoded already.
-        parser.feed(re.sub(r"^\s*<\?xml[^>]*\?>", "", text).encode())
-        root: ET.Element = parser.close()
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise FormatError(f"{name}: is not XML ({error})") from None
-    return root
 
 
 def _transforms(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], Array]]:
@@ -128,22 +106,14 @@ def _wires(name: str, pattern: ET.Element, phantom: str) -> Iterator[Line]:
         yield Line(label, phantom, np.array(ends))
 
 
-class _Shallow(ET.TreeBuilder):
-    """A tree no deeper than a device set: Python ends when it lets go of one a million deep."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self._name, self._depth = name, 0
-
-    def start(self, tag: str, attrs: dict[Any, Any], /) -> ET.Element:
-        self._depth += 1
-        if self._depth > DEEPEST:
-            raise FormatError(f"{self._name}: has elements more than {DEEPEST} deep, which no device set has")
-        return super().start(tag, attrs)
-
-    def end(self, tag: str, /) -> ET.Element:
-        self._depth -= 1
-        return super().end(tag)
+def _each_once(wires: Iterable[Line]) -> Iterator[Line]:
+    """The wires without those that came before: patterns may share a wire, whichever way round its ends are."""
+    seen: dict[str, Array] = {}
+    for wire in wires:
+        ends = seen.setdefault(wire.name, wire.segment_mm)
+        same = np.array_equal(wire.segment_mm, ends) or np.array_equal(wire.segment_mm[::-1], ends)
+        if ends is wire.segment_mm or not same:
+            yield wire
 
 
 def _phantom_frame(root: ET.Element) -> str:
@@ -165,7 +135,7 @@ FORMAT = Format(
     name="PLUS device set",
     kind="device set",
     suffixes=(".xml",),
-    sniff=lambda head: head.text.startswith(b"<"),
+    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text,
     read=read_device_set,
-    holds="constant transforms, wires of a phantom",
+    holds="constant transforms, wires of a phantom; a wire that patterns share is one",
 )

@@ -1,5 +1,7 @@
 """Which format a file is in, and what is read beside it."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -68,3 +70,21 @@ def test_a_video_is_known_by_its_content_and_joined_with_its_table(tmp_path, suf
     write_table(tmp_path / "sweep.csv", header, [[t / 10, 1, 0, 0, 0, t, 0, 0] for t in range(-1, 9)])
     probe = read_recording(path).poses["tracker_from_probe"]
     np.testing.assert_allclose(probe.matrices[:, 0, 3], [0, 1, 2], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "extra"),
+    [
+        ("video", "av", "io"),
+        ("DICOM", "pydicom", "io"),
+        ("image", "PIL.Image", "io"),
+        ("TUS-REC scan", "h5py", "io"),
+        ("ROS bag", "rosbags", "ros"),
+    ],
+)
+def test_a_package_that_lacks_is_named_with_what_brings_it(tmp_path, monkeypatch, name, module, extra):
+    (path, *_) = SOUND[name](tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(UnsupportedError, match=rf"pip install 'sonocal\[{extra}\]'") as caught:
+        read_recording(path)
+    assert str(caught.value).startswith(path.name)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonocal import InputError, UnsupportedError
+from sonocal import FormatError, InputError, UnsupportedError
 from sonocal.recording import (
     ImageGeometry,
     Recording,
@@ -238,7 +238,7 @@ def test_nothing_is_left_of_a_failed_writing(tmp_path):
     recording = random_recording(1)
     with pytest.raises(InputError, match="holds a line break"):
         write_recording(replace(recording, fields={"Note": "two\nlines"}), tmp_path / "a.mha")
-    with pytest.raises(UnsupportedError, match=r"recordings are written as \.mha, \.mhd or \.nrrd"):
+    with pytest.raises(UnsupportedError, match=r"recordings are written as \.mha, .*\.csv or \.mkv"):
         write_recording(recording, tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
 
@@ -265,3 +265,120 @@ def test_what_was_turned_to_mf_is_written_as_mf(tmp_path, suffix, code):
     assert again.image.orientation == ("XX" if code == "XX" else "MF")
     assert again.image.spacing_mm == recording.image.spacing_mm
     np.testing.assert_array_equal(again.image.image_from_file, np.eye(4))
+
+
+def plain_mha(path, sizes, lines, pixels=None):
+    """A MetaIO file as other programs write it: these sizes, these lines before the data."""
+    pixels = np.arange(np.prod(sizes), dtype=np.uint8) if pixels is None else pixels
+    head = f"ObjectType = Image\nNDims = {len(sizes)}\nDimSize = {' '.join(map(str, sizes))}\nElementType = MET_UCHAR\n"
+    path.write_bytes((head + "".join(f"{line}\n" for line in lines) + "ElementDataFile = LOCAL\n").encode())
+    with path.open("ab") as file:
+        file.write(pixels.tobytes())
+    return pixels
+
+
+@pytest.mark.parametrize("digits", [1, 4, 10, 18])
+def test_frame_numbers_may_have_any_number_of_digits(tmp_path, digits):
+    lines = [f"Seq_Frame{i:0{digits}d}_Timestamp = {i}.5" for i in range(3)]
+    plain_mha(tmp_path / "a.igs.mha", (2, 2, 3), ["Kinds = domain domain list", *lines])
+    recording = read_recording(tmp_path / "a.igs.mha")
+    assert recording.times.tolist() == [0.5, 1.5, 2.5]
+
+
+@pytest.mark.parametrize("number", ["9" * 10, "9" * 18, "9" * 19, "0x1"])
+def test_a_frame_number_that_no_frame_has_is_refused(tmp_path, number):
+    plain_mha(tmp_path / "a.igs.mha", (2, 2, 3), [f"Seq_Frame{number}_Timestamp = 1"])
+    with pytest.raises(FormatError, match=r"header (describes frame|field)"):
+        read_recording(tmp_path / "a.igs.mha")
+
+
+def test_three_domains_with_fields_of_one_item_are_a_volume(tmp_path):
+    lines = [
+        "Kinds = domain domain domain",
+        "UltrasoundImageOrientation = MFA",
+        "Seq_Frame0000_ImageStatus = OK",
+    ]
+    pixels = plain_mha(tmp_path / "a.mha", (4, 3, 5), lines)
+    recording = read_recording(tmp_path / "a.mha")
+    assert (len(recording), recording.image.size_px) == (1, (4, 3, 5))
+    np.testing.assert_array_equal(recording.frames[0].ravel(), pixels)
+    write_recording(recording, tmp_path / "b.mha")
+    assert_same(recording, read_recording(tmp_path / "b.mha"))
+
+
+def test_fields_of_as_many_items_as_the_third_domain_is_long_are_of_a_sequence(tmp_path):
+    lines = ["Kinds = domain domain domain", *(f"Seq_Frame{i:04d}_Timestamp = {i}" for i in range(5))]
+    plain_mha(tmp_path / "a.mha", (4, 3, 5), lines)
+    recording = read_recording(tmp_path / "a.mha")
+    assert (len(recording), recording.image.size_px) == (5, (4, 3))
+
+
+@given(
+    n=st.integers(1, 4),
+    size=st.tuples(st.integers(1, 5), st.integers(1, 5)),
+    orientation=st.sampled_from(["MF", "UNA"]),
+)
+def test_four_axes_of_which_the_third_is_a_single_slice_are_images(tmp_path_factory, n, size, orientation):
+    """SimpleITK says the same pixels; the geometry of four axes goes, since images are written with three."""
+    sitk = pytest.importorskip("SimpleITK", reason="SimpleITK, the oracle of MetaIO, is not installed")
+    folder = tmp_path_factory.mktemp("slices")
+    lines = [
+        "Kinds = domain domain domain list",
+        "Offset = 0 0 0 7",
+        f"UltrasoundImageOrientation = {orientation}",
+    ]
+    lines += [f"Seq_Frame{i:04d}_Timestamp = {i}" for i in range(n)]
+    plain_mha(folder / "a.seq.mha", (*size, 1, n), lines)
+    recording = read_recording(folder / "a.seq.mha")
+    assert (len(recording), recording.image.size_px, recording.image.dimension) == (n, size, 2)
+    theirs = sitk.GetArrayFromImage(sitk.ReadImage(folder / "a.seq.mha"))[:, 0]
+    turned = theirs if orientation == "MF" else theirs[:, ::-1, ::-1]
+    np.testing.assert_array_equal(np.stack(list(recording.frames)), turned)
+    write_recording(recording, folder / "b.mha")
+    assert_same(recording, read_recording(folder / "b.mha"))
+    assert sitk.ReadImage(folder / "b.mha").GetSize() == (*size, n)
+
+
+NO_NUMBERS = [
+    "1.#QNAN",
+    "-1.#IND",
+    "1.#QNAN0",
+    "-1.#IND00",
+    "1.#SNAN",
+    "1.#INF",
+    "-1.#J",
+    "nan(ind)",
+    "-nan(IND)",
+    "nan",
+]
+
+
+@pytest.mark.parametrize("suffix", [".mha", ".nrrd"])
+@given(
+    words=st.lists(st.sampled_from(NO_NUMBERS), min_size=1, max_size=16),
+    statuses=st.tuples(*[st.sampled_from(["OK", "INVALID"])] * 3),
+    which=st.integers(0, 2),
+)
+def test_what_is_no_number_is_an_invalid_pose_however_it_is_spelt(
+    tmp_path_factory, suffix, words, statuses, which
+):
+    folder = tmp_path_factory.mktemp("msvc")
+    write_recording(random_recording(0, n=3, size=None, tools=("Probe",)), folder / "sound.mha")
+    sound = read_recording(folder / "sound.mha").poses["tracker_from_probe"]
+    texts = [" ".join(map(repr, m.ravel().tolist())) for m in sound.matrices]
+    texts[which] = " ".join([*words, *texts[which].split()[len(words) :]])
+    fields = {f"{i:04d}_ProbeToTrackerTransform": texts[i] for i in range(3)}
+    fields |= {f"{i:04d}_ProbeToTrackerTransformStatus": statuses[i] for i in range(3)}
+    path = folder / f"a{suffix}"
+    if suffix == ".mha":
+        lines = [f"Seq_Frame{key} = {text}" for key, text in fields.items()]
+        plain_mha(path, (0, 0, 3), lines)
+    else:
+        head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 0 0 3\nkinds: domain domain list\nencoding: raw\n"
+        path.write_text(head + "".join(f"Seq_Frame{key}:={text}\n" for key, text in fields.items()) + "\n")
+    poses = read_recording(path).poses["tracker_from_probe"]
+    wanted = [statuses[i] == "OK" and i != which for i in range(3)]
+    assert poses.valid.tolist() == wanted
+    for i in {0, 1, 2} - {which}:
+        np.testing.assert_array_equal(poses.matrices[i], sound.matrices[i])
+    assert not np.isfinite(poses.matrices[which]).all()

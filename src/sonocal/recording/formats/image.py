@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from sonocal.errors import FormatError, InputError, UnsupportedError
+from sonocal.errors import FormatError
 from sonocal.files import file_size
 from sonocal.files.kinds import Format, Head
 from sonocal.geometry import Array
-from sonocal.recording.formats.parts.packages import needed
-from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
+from sonocal.recording.formats.parts.pictures import Pictures
+from sonocal.recording.frames import Frames, Image
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
 
 __all__ = ["FORMAT", "SUFFIXES", "read_image", "recording_of_images"]
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
 STARTS = (b"\x89PNG", b"\xff\xd8\xff", b"II*\0", b"MM\0*")
-MODES = {"L": "u1", "RGB": "u1", "I;16": "u2", "F": "f4"}
 
 
 def read_image(path: Path) -> Recording:
@@ -41,17 +38,13 @@ def recording_of_images(images: Sequence[Path], times: Array, provenance: Proven
 
 
 class ImageFiles(Frames):
-    """Frames in files of their own, decoded by Pillow."""
+    """Frames in files of their own."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        self._paths, self._pillow = (
-            paths,
-            needed("PIL.Image", paths[0], "image files need Pillow"),
-        )
-        size, mode = self._look(paths[0])
-        self.dtype = np.dtype(MODES[mode])
-        self.shape = (size[1], size[0]) + ((3,) if mode == "RGB" else ())
-        check_frame_size(paths[0].name, self.shape, self.dtype, PICTURE_LIMIT)
+        self._paths, self._pictures = paths, Pictures(paths[0], "image files need Pillow")
+        file_size(paths[0])
+        kind = self._pictures.look(paths[0], paths[0].name)
+        self.shape, self.dtype = kind.shape, kind.dtype
 
     def __len__(self) -> int:
         return len(self._paths)
@@ -59,55 +52,15 @@ class ImageFiles(Frames):
     def read(self, index: int) -> Image:
         """Frame `index`."""
         path = self._paths[index]
-        size, mode = self._look(path)  # before a pixel is decoded
-        shape = (size[1], size[0]) + ((3,) if mode == "RGB" else ())
-        if shape != self.shape or np.dtype(MODES[mode]) != self.dtype:
+        file_size(path)
+        kind = self._pictures.look(path, path.name)  # before a pixel is decoded
+        if kind.shape != self.shape or kind.dtype != self.dtype:
             raise FormatError(
-                f"{path.name}: is {shape} {mode} where the first image is {self.shape} {self.dtype}"
+                f"{path.name}: is {kind.shape} {kind.mode} where the first image is {self.shape} {self.dtype}"
             )
-        image = self._open(path, mode)
+        image = self._pictures.decode(path, path.name, kind)
         image.flags.writeable = False
         return image
-
-    def _look(self, path: Path) -> tuple[tuple[int, int], str]:
-        with self._guard(path), self._pillow.open(path) as image:
-            mode = {"RGBA": "RGB", "P": "RGB", "I;16B": "I;16", "I": "I;16", "1": "L", "LA": "L"}.get(
-                image.mode, image.mode
-            )
-            if mode not in MODES:
-                raise UnsupportedError(
-                    f"{path.name}: pixels of kind {image.mode} cannot be read; convert it to grey PNG"
-                )
-            return image.size, mode
-
-    def _open(self, path: Path, mode: str) -> Image:
-        with self._guard(path), self._pillow.open(path) as image:
-            wanted = image if image.mode.startswith("I") or image.mode == mode else image.convert(mode)
-            return np.asarray(wanted).astype(MODES[mode])
-
-    def _guard(self, path: Path) -> _Guard:
-        return _Guard(path)
-
-
-class _Guard:
-    """Turns Pillow's failures into sentences, and its size warning into a refusal."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._warnings = path, warnings.catch_warnings()
-
-    def __enter__(self) -> None:
-        file_size(self._path)
-        self._warnings.__enter__()
-        warnings.simplefilter("ignore")
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        self._warnings.__exit__(kind, error, trace)
-        if isinstance(error, Exception) and not isinstance(
-            error, (FormatError, InputError, UnsupportedError)
-        ):
-            # Pillow's sentence would repeat the whole path.
-            reason = "unknown kind" if "cannot identify" in str(error) else str(error)[:80]
-            raise FormatError(f"{self._path.name}: is not an image that can be read ({reason})") from None
 
 
 def _sniff(head: Head) -> bool:

@@ -21,6 +21,7 @@ from sonocal.recording.formats.dicom import read_dicom_files
 from sonocal.recording.formats.image import SUFFIXES as IMAGE_SUFFIXES
 from sonocal.recording.formats.image import recording_of_images
 from sonocal.recording.formats.pose_csv import TIME_COLUMNS
+from sonocal.recording.formats.rosbag import is_bag_folder
 from sonocal.recording.model import Provenance, Recording
 
 __all__ = ["FORMAT", "STAMPS", "read_image_folder"]
@@ -96,7 +97,7 @@ FORMAT = Format(
     name="folder of images or of DICOM files",
     kind="recording",
     suffixes=(),
-    sniff=lambda head: head.path.is_dir(),
+    sniff=lambda head: head.path.is_dir() and not is_bag_folder(head.path),
     read=read_image_folder,
     holds="with the one table of poses in it; stamps from `frames.csv`, names or DICOM's times",
     needs=("pillow", "pydicom"),

@@ -19,6 +19,7 @@ from sonocal.recording.formats.parts.inflate import ZLIB, InflatedFrames
 from sonocal.recording.formats.parts.layout import Layout, assemble, check_sizes
 from sonocal.recording.formats.parts.metaio_header import ELEMENT_TYPES, STRUCTURE, Header, read_header
 from sonocal.recording.formats.parts.metaio_write import write_metaio
+from sonocal.recording.formats.parts.written import METAIO_GEOMETRY
 from sonocal.recording.frames import Frames, RawFrames, no_frames
 from sonocal.recording.model import Provenance, Recording
 
@@ -39,10 +40,11 @@ def read_metaio(path: Path) -> Recording:
         UnsupportedError: a kind of MetaIO that recordings do not use.
     """
     header = read_header(path)
-    layout = _layout(header)
+    layout, as_stored = _layout(header)
     data_path, offset = _data_place(path, header, layout)
     frames = no_frames() if layout.image_free else _frames(header, layout, data_path, offset)
-    kept = {key: text for key, text in header.fields.items() if key not in STRUCTURE}
+    left = STRUCTURE if as_stored else (*STRUCTURE, *METAIO_GEOMETRY)  # would not fit the axes we write
+    kept = {key: text for key, text in header.fields.items() if key not in left}
     paths = (str(path),) if data_path == path else (str(path), str(data_path))
     kind = "PLUS sequence metafile" if header.items.columns else "MetaIO image"
     return assemble(
@@ -55,7 +57,8 @@ def read_metaio(path: Path) -> Recording:
     )
 
 
-def _layout(header: Header) -> Layout:
+def _layout(header: Header) -> tuple[Layout, bool]:
+    """How the frames lie, and whether the axes of a frame are those of the file: a lone slice is an image."""
     if header.fields.get("ObjectType", "Image") != "Image":
         raise UnsupportedError(
             f"{header.name}: holds a MetaIO {header.fields['ObjectType'][:40]}, not an image"
@@ -67,15 +70,28 @@ def _layout(header: Header) -> Layout:
             f"{header.fields.get('NDims', '')!r}; recordings have 2, 3 or 4 dimensions"
         )
     check_sizes(header.name, sizes)
-    # Some writers mark a plain volume's third axis as a list: fields of items, or the name, make it a sequence.
-    named = header.fields.get("Kinds", "").endswith("list") and re.search(r"\.(igs|seq)\.", header.name)
-    is_sequence = bool(header.items.columns or named) or dimensions == 4
-    *frame, count = sizes if is_sequence and dimensions > 2 else (*sizes, 1)
-    image_free = 0 in frame
+    count = sizes[-1] if dimensions > 2 and _is_sequence(header, sizes) else None
+    frame = sizes if count is None else sizes[:-1]
+    single_slice = count is not None and len(frame) == 3 and frame[2] == 1
+    frame = frame[:2] if single_slice else frame
     channels = (*header.whole("ElementNumberOfChannels"), 1)[0]
-    return Layout(
-        header.name, tuple(frame), count, channels, _dtype(header, image_free), _spacing(header, len(frame))
-    )
+    dtype, spacing = _dtype(header, 0 in frame), _spacing(header, len(frame))
+    layout = Layout(header.name, frame, 1 if count is None else count, channels, dtype, spacing)
+    return layout, not single_slice
+
+
+def _is_sequence(header: Header, sizes: tuple[int, ...]) -> bool:
+    """Whether the last axis is the time line.
+
+    Some writers mark a plain volume's third axis as a list, and others a volume's fields as an item's: what counts is
+    what the fields of items describe, and the name where there are none.
+    """
+    kinds, described = header.fields.get("Kinds", "").split(), header.items.count
+    if len(sizes) == 4:
+        return True
+    if kinds and kinds[-1] == "list":
+        return described > 0 or bool(re.search(r"\.(igs|seq)\.", header.name))
+    return described > 0 and (not kinds or described == sizes[-1])
 
 
 def _dtype(header: Header, image_free: bool) -> np.dtype[Any]:
@@ -145,7 +161,8 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_metaio,
     holds="plain and zlib; 2D and 3D frames; 8 to 64 bit, float, colour; either byte order; a tracker alone "
-    "(`DimSize = 0 0 N`, `MET_OTHER`); a volume without fields of items is one frame",
+    "(`DimSize = 0 0 N`, `MET_OTHER`); a volume without fields of items, or without a list axis, is one frame; "
+    "frames of a single slice are images",
     write=write_metaio,
     writes=(".mha", ".mhd"),
 )

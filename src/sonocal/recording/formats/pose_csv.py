@@ -27,6 +27,7 @@ from sonocal.files.tables import (
     parse_table,
 )
 from sonocal.geometry import Array
+from sonocal.recording.formats.parts.pose_csv_write import write_pose_csv
 from sonocal.recording.formats.parts.sequence_fields import TRANSFORM
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
@@ -153,4 +154,6 @@ FORMAT = Format(
     sniff=lambda head: any(POSE_COLUMN.fullmatch(column) for column in head.columns),
     read=read_pose_csv,
     holds="a 4 x 4 matrix in one cell or in columns, or quaternion and place",
+    write=write_pose_csv,
+    writes=(".csv",),
 )

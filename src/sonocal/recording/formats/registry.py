@@ -9,21 +9,38 @@ from pathlib import Path
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.files.kinds import Format, Head, recognise, suffixes_of
-from sonocal.recording.formats import dicom, image, image_folder, metaio, motive, nrrd, pose_csv, video
+from sonocal.recording.formats import (
+    dicom,
+    image,
+    image_folder,
+    kretz,
+    metaio,
+    motive,
+    nrrd,
+    pose_csv,
+    rosbag,
+    slicer_scene,
+    tus_rec,
+    video,
+)
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import join, with_latency
 
-__all__ = ["FORMATS", "read_recording", "write_recording"]
+__all__ = ["FORMATS", "files_written", "read_recording", "write_recording"]
 
 # In the order of the documentation. What no format claims by its content goes to the first that its name fits.
 FORMATS: tuple[Format, ...] = (
     metaio.FORMAT,
     nrrd.FORMAT,
+    slicer_scene.FORMAT,
     pose_csv.FORMAT,
     motive.FORMAT,
     video.FORMAT,
+    rosbag.FORMAT,
+    tus_rec.FORMAT,
     dicom.FORMAT,
+    kretz.FORMAT,
     image.FORMAT,
     image_folder.FORMAT,
 )
@@ -37,8 +54,8 @@ def read_recording(
 ) -> Recording:
     """Read a recording of any format.
 
-    A video or folder of images is joined by time stamp with its tracker's poses: those of `poses`, or else
-    the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
+    A video or folder of images without poses is joined by time stamp with its tracker's: those of `poses`, or
+    else the ``.csv`` of the same name beside the video, or the one table of poses in the folder.
 
     Args:
         path: the file, or the folder of images.
@@ -53,16 +70,19 @@ def read_recording(
     path = Path(path)
     found = _recognised(path)
     images: Recording = found.read(path)
-    tracker = Path(poses) if poses is not None else _poses_beside(path, found)
+    tracker = Path(poses) if poses is not None else None if images.poses else _poses_beside(path, found)
     if tracker is None:
         return with_latency(images, latency_s, on_invalid=on_invalid)
-    if tracker.is_dir():
+    if tracker.is_dir() and not rosbag.is_bag_folder(tracker):
         raise InputError(f"{tracker}: is a directory; name the table of poses in it")
     return join(images, _recognised(tracker).read(tracker), latency_s, on_invalid=on_invalid)
 
 
 def write_recording(recording: Recording, path: str | Path, compress: bool = True) -> None:
-    """Write a recording: ``.mha`` and ``.mhd`` as a PLUS sequence metafile, ``.nrrd`` as a PLUS NRRD sequence.
+    """Write a recording, in the format that its name says.
+
+    ``.mha`` and ``.mhd`` are a PLUS sequence metafile, ``.nrrd`` a PLUS NRRD sequence; ``.csv`` a table of the poses of
+    a tracker alone; ``.mkv`` a video without loss, with the table of poses beside it.
 
     Raises:
         UnsupportedError: the name ends otherwise.
@@ -76,6 +96,12 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     raise UnsupportedError(
         f"{path}: recordings are written as {', '.join(most)} or {last}; choose one of these names"
     )
+
+
+def files_written(path: Path) -> tuple[Path, ...]:
+    """The files that `write_recording` may write where it is told to write one."""
+    beside = {".mhd": (".zraw", ".raw"), ".mkv": (".csv",)}.get(path.suffix.lower(), ())
+    return (path, *(path.with_suffix(suffix) for suffix in beside))
 
 
 def _recognised(path: Path) -> Format:

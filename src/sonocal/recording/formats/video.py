@@ -1,4 +1,7 @@
-"""Videos (``.mp4``, ``.mkv``, ``.avi``): frames by PyAV, stamped with the video's own clock, s."""
+"""Videos (``.mp4``, ``.mkv``, ``.avi``): frames by PyAV, stamped with the video's own clock, s.
+
+Poses are those of text tracks, as PLUS writes them, or of a table beside the video.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,11 @@ from sonocal.files import file_size
 from sonocal.files.kinds import Format, Head
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.packages import needed
+from sonocal.recording.formats.parts.pose_tracks import poses_in_tracks
+from sonocal.recording.formats.parts.video_write import write_video
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
 from sonocal.recording.model import ImageGeometry, Provenance, Recording
+from sonocal.recording.poses import Poses
 
 __all__ = ["FORMAT", "read_video"]
 
@@ -31,6 +37,7 @@ def read_video(path: Path) -> Recording:
     return Recording(
         times=frames.times,
         frames=frames,
+        poses=frames.poses(),
         image=ImageGeometry.of(frames),
         provenance=Provenance(path.name, "video", (str(path),)),
     )
@@ -75,6 +82,11 @@ class VideoFrames(Frames):
             raise FormatError(f"{self._path.name}, frame {index}: cannot be decoded; the video ends early")
         self._ahead = (index + 1, self._ahead[1])
         return frame
+
+    def poses(self) -> dict[str, Poses]:
+        """The poses in the video's text tracks at the times of its frames, by name."""
+        with self._opened() as container:
+            return poses_in_tracks(container, self.times, self._path.name)
 
     def _decode(self, start: int) -> Iterator[Image]:
         count = start
@@ -153,6 +165,9 @@ FORMAT = Format(
     suffixes=(".mp4", ".mkv", ".avi", ".mov"),
     sniff=_sniff,
     read=read_video,
-    holds="with the `.csv` of the same name beside it",
+    holds="poses in text tracks as PLUS writes them, or in the `.csv` of the same name beside it; written without loss "
+    "(FFV1)",
+    write=write_video,
+    writes=(".mkv",),
     needs=("av",),
 )

@@ -14,7 +14,7 @@ from sonocal.recording.formats.parts.written import check_field
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import Poses
 
-__all__ = ["item_lines"]
+__all__ = ["check_times", "item_lines"]
 
 # What a field of an item may be called, so that it is read as itself from MetaIO and from NRRD.
 ITEM_FIELD = re.compile(r"(?!.+To[A-Z0-9_].*Transform(Status)?$)[^=:\s\0]([^=:\r\n\0]*[^=:\s\0])?")
@@ -78,8 +78,12 @@ def _item_fields(recording: Recording) -> dict[str, tuple[str | None, ...]]:
     return fields | {name: stated} if any(stated) else fields
 
 
-def _check_names(recording: Recording) -> None:
-    """Refuse what would be read again as something else, or not at all."""
+def check_times(recording: Recording) -> None:
+    """Refuse times of which some are none.
+
+    Raises:
+        InputError: they are.
+    """
     finite = np.isfinite(recording.times)
     if not (finite.all() or np.isnan(recording.times).all()):
         i = int(np.flatnonzero(~finite)[0])
@@ -87,6 +91,11 @@ def _check_names(recording: Recording) -> None:
             f"{recording.name}, frame {i}: its time is {recording.times[i]} where others have one; "
             "give every item a time, or none"
         )
+
+
+def _check_names(recording: Recording) -> None:
+    """Refuse what would be read again as something else, or not at all."""
+    check_times(recording)
     for one in recording.poses.values():
         match = TRANSFORM.fullmatch(f"{one.plus_name}Transform")
         if match is None or match.groups() != (one.source, one.target):

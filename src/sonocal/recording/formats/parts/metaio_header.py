@@ -8,7 +8,8 @@ from pathlib import Path
 
 from sonocal.errors import FormatError
 from sonocal.files import reading
-from sonocal.recording.formats.parts.sequence_fields import PREFIX, ItemFields
+from sonocal.recording.formats.parts.header_lines import HeaderLines
+from sonocal.recording.formats.parts.sequence_fields import ItemFields
 
 __all__ = ["ELEMENT_TYPES", "FIELD", "STRUCTURE", "Header", "read_header"]
 
@@ -44,8 +45,8 @@ STRUCTURE = (
 KEY = re.compile(r"[A-Za-z_][\w .\-]*")
 # Of the header itself: not of an item, and no blank at its end, which readers drop.
 FIELD = re.compile(r"(?!Seq_Frame)[A-Za-z_]([\w .\-]*[\w.\-])?")
-# A line of a header; longer ones are pixels taken for text.
-LINE_LIMIT = 1 << 20
+END = re.compile(rb"^[^\S\n]*ElementDataFile[^\S\n]*=[^\n]*\n?", re.MULTILINE)
+LINES = HeaderLines(END, longest=1 << 20, kind="a MetaIO header", closing="ends with ElementDataFile")
 
 
 @dataclass
@@ -76,37 +77,27 @@ def read_header(path: Path) -> Header:
         FormatError: it is none, or has no end.
     """
     fields: dict[str, str] = {}
-    items = ItemFields(path.name)
-    name, number = path.name, 0
+    items, name = ItemFields(path.name), path.name
     with reading(path), path.open("rb") as file:
-        while line := file.readline(LINE_LIMIT):
-            number += 1
-            text = _text(name, number, line)
-            key, equals, value = text.partition("=")
-            if key[:9] == PREFIX and equals:  # most lines by far
-                items.add(key.rstrip(), value.strip())
-                continue
-            key = key.strip()
-            if not key and not equals:
-                continue
-            if not equals or not KEY.fullmatch(key):
-                raise FormatError(
-                    f"{name}, line {number}: {text.strip()[:60]!r} is not 'name = value' of a MetaIO header"
-                )
-            if key in fields:
-                raise FormatError(f"{name}, line {number}: {key} stands twice in the header; delete one")
-            fields[key] = value.strip()
-            if key == "ElementDataFile":
-                return Header(name, fields, items, file.tell())
+        for first, lines, end in LINES.blocks(name, file):
+            for number, text in items.take(enumerate(lines, first), "="):
+                _take(fields, name, number, text)
+            if "ElementDataFile" in fields:
+                return Header(name, fields, items, end)
     if not fields:
         raise FormatError(f"{name}: is empty; a MetaIO file starts with a header")
     raise FormatError(f"{name}: its header ends without ElementDataFile; it was cut short, copy it again")
 
 
-def _text(name: str, number: int, line: bytes) -> str:
-    if len(line) == LINE_LIMIT or b"\0" in line:
-        raise FormatError(f"{name}, line {number}: is not text; a MetaIO header ends with ElementDataFile")
-    try:
-        return line.decode("utf-8")
-    except UnicodeDecodeError:
-        raise FormatError(f"{name}, line {number}: is not UTF-8 text; a MetaIO header is") from None
+def _take(fields: dict[str, str], name: str, number: int, text: str) -> None:
+    key, equals, value = text.partition("=")
+    key = key.strip()
+    if not key and not equals:
+        return
+    if not equals or not KEY.fullmatch(key):
+        raise FormatError(
+            f"{name}, line {number}: {text.strip()[:60]!r} is not 'name = value' of a MetaIO header"
+        )
+    if key in fields:
+        raise FormatError(f"{name}, line {number}: {key} stands twice in the header; delete one")
+    fields[key] = value.strip()

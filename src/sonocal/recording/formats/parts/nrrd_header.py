@@ -8,7 +8,8 @@ from pathlib import Path
 
 from sonocal.errors import FormatError
 from sonocal.files import reading
-from sonocal.recording.formats.parts.sequence_fields import PREFIX, ItemFields
+from sonocal.recording.formats.parts.header_lines import HeaderLines
+from sonocal.recording.formats.parts.sequence_fields import ItemFields
 
 __all__ = ["ORIENTATION_KEY", "PAIR", "STRUCTURE", "TYPES", "Header", "read_header"]
 
@@ -39,7 +40,13 @@ STRUCTURE = (
 )
 # The key of a key-value pair: not of an item, and no comment.
 PAIR = re.compile(r"(?!Seq_Frame|#)[^:\s]([^:\r\n\0]*[^:\s])?")
-LINE_LIMIT = 1 << 24  # Slicer keeps the index values of a whole sequence in one line
+# Slicer keeps the index values of a whole sequence in one line.
+LINES = HeaderLines(
+    re.compile(rb"^\r?\n", re.MULTILINE),
+    longest=1 << 24,
+    kind="an NRRD header",
+    closing="ends with an empty line",
+)
 
 
 @dataclass
@@ -76,19 +83,15 @@ def read_header(path: Path) -> Header:
     with reading(path), path.open("rb") as file:
         if not re.match(rb"NRRD000[1-5]\r?\n", file.readline(16)):
             raise FormatError(f"{path.name}: does not start with NRRD0001 to NRRD0005; it is no NRRD file")
-        number = 1
-        while line := file.readline(LINE_LIMIT):
-            number += 1
-            text = _text(path.name, number, line)
-            if not text:
-                break
-            _take(header, number, text)
-        header.end = file.tell()
+        for first, lines, end in LINES.blocks(path.name, file, number=2):
+            for number, text in header.items.take(enumerate(lines, first), ":="):
+                _take(header, number, text.rstrip("\r"))
+            header.end = end
     return header
 
 
 def _take(header: Header, number: int, text: str) -> None:
-    if text.startswith("#"):
+    if not text or text.startswith("#"):
         return
     match = re.match(r"([^:]+):(=| ?)(.*)", text)
     if match is None:
@@ -96,20 +99,8 @@ def _take(header: Header, number: int, text: str) -> None:
             f"{header.name}, line {number}: {text[:60]!r} is neither 'field: value' nor 'key:=value'"
         )
     key, value, is_pair = match[1], match[3].strip(), match[2] == "="
-    if is_pair and key.startswith(PREFIX):
-        header.items.add(key, value)
-        return
     place = header.pairs if is_pair else header.fields
     key = key if is_pair else key.strip().lower()
     if key in place:
         raise FormatError(f"{header.name}, line {number}: {key} stands twice in the header; delete one")
     place[key] = value
-
-
-def _text(name: str, number: int, line: bytes) -> str:
-    if len(line) == LINE_LIMIT or b"\0" in line:
-        raise FormatError(f"{name}, line {number}: is not text; an NRRD header ends with an empty line")
-    try:
-        return line.decode("utf-8").rstrip("\r\n")
-    except UnicodeDecodeError:
-        raise FormatError(f"{name}, line {number}: is not UTF-8 text; an NRRD header is") from None

@@ -11,13 +11,14 @@ from sonocal.errors import UnsupportedError
 __all__ = ["needed"]
 
 
-def needed(module: str, path: Path, sentence: str) -> Any:
-    """A module of the extra ``io``.
+def needed(module: str, path: Path, sentence: str, extra: str = "io") -> Any:
+    """A module of an optional package.
 
     Args:
         module: as it is imported.
         path: of the file, for the message.
         sentence: such as "videos need PyAV".
+        extra: of sonocal, which brings it.
 
     Raises:
         UnsupportedError: it is not installed.
@@ -25,4 +26,4 @@ def needed(module: str, path: Path, sentence: str) -> Any:
     try:
         return import_module(module)
     except ImportError:
-        raise UnsupportedError(f"{path.name}: {sentence}; pip install 'sonocal[io]'") from None
+        raise UnsupportedError(f"{path.name}: {sentence}; pip install 'sonocal[{extra}]'") from None
