@@ -115,6 +115,7 @@ REFUSALS = {
 
 # Codes of findings that explain others: many rows left out, a weak motion, a drift. They are read first.
 DECISIVE = {
+    "implausible-units",
     "latency",
     "latency-beyond-tolerance",
     "wrong-poses",
