@@ -34,6 +34,7 @@ CODES = {
     "anisotropic-scale": "mm/px differ along the image's axes",
     "anisotropic-scale-far-off": "with mm/px of its own along every axis the answer is another one",
     "image-distortion": "residuals are not alike all over the image",
+    "bent-needle": "residuals follow the place along the needle",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
     "offset-in-tracker": "the needle is off by one offset in the tracker's frame",
@@ -131,6 +132,7 @@ REFUSALS = {
 
 # Codes of findings that explain others: many rows left out, a weak motion, a drift. They are read first.
 DECISIVE = {
+    "implausible-units",
     "latency",
     "latency-beyond-tolerance",
     "wrong-poses",

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import sonocal as sc
 from sonocal.cli.main import main
-from sonocal.geometry.units import length_hints, needle_hints, place_hints, scale_hints
+from sonocal.geometry.units import length_hints, needle_hints, place_hints, scale_hints, scan_hints
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import give_verdict
 from tests.builders.recordings import random_poses
@@ -51,7 +51,11 @@ def test_sound_scans_are_not_doubted(dimension, count):
         assert not doubts(simulate_observations(dimension, count, seed=seed).observations)
 
 
-@given(st.floats(0.02, 1.4), st.floats(30, 400), st.floats(100, 1500))
+# A scale of one is that of places which are in mm already.
+NOT_ONE = st.floats(0.02, 0.97) | st.floats(1.03, 1.4)
+
+
+@given(NOT_ONE, st.floats(30, 400), st.floats(100, 1500))
 def test_what_scanners_and_needles_are_is_not_doubted(mm_per_px, needle_mm, away_mm):
     rng = np.random.default_rng(0)
     points, segments = rng.uniform(0, 500, (20, 2)), np.zeros((20, 2, 3)) + away_mm
@@ -73,7 +77,8 @@ def test_an_unsure_scale_is_not_doubted_and_a_sure_one_is():
 def test_voxels_of_the_deepest_setting_are_not_doubted(mm_per_px):
     """240 mm in 64 voxels."""
     assert not scale_hints(np.array([mm_per_px]), dimension=3)
-    assert bool(scale_hints(np.array([mm_per_px]), dimension=2)) == (mm_per_px > 1.5)
+    if abs(mm_per_px - 1.0) > 0.03:
+        assert bool(scale_hints(np.array([mm_per_px]), dimension=2)) == (mm_per_px > 1.5)
 
 
 def test_shares_of_a_volume_are_doubted_by_the_scale_too():
@@ -97,3 +102,56 @@ def test_the_command_stops_writes_nothing_and_goes_on_when_told(tmp_path):
     assert told.exit_code == 0, told.output
     assert "Do not use it." in told.output
     assert "Sound" not in told.output
+
+
+def lengthened(rows, needle_mm):
+    """The same needle, of another length from the same middle."""
+    middle = rows.segments_mm.mean(axis=1, keepdims=True)
+    away = rows.segments_mm - middle
+    away *= needle_mm / 2 / np.linalg.norm(away, axis=2, keepdims=True)
+    return dataclasses.replace(rows, segments_mm=middle + away)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("needle_mm", [100.0, 300.0, 400.0, 600.0])
+def test_centimetres_are_named_however_long_the_needle_is(dimension, needle_mm):
+    for seed in range(5):
+        rows = lengthened(scan(seed, dimension=dimension, outliers=0).observations, needle_mm)
+        assert not doubts(rows)
+        (doubt,) = doubts(dataclasses.replace(rows, segments_mm=rows.segments_mm / 10))
+        assert "centimetres" in doubt.message
+
+
+def test_places_in_mm_are_named_and_voxels_of_a_millimetre_are_sound():
+    for dimension, named in ((2, 1), (3, 0)):
+        for seed in range(5):
+            rows = scan(seed, dimension=dimension, outliers=0).observations
+            scale = sc.calibrate(rows).probe_from_image.scale
+            found = doubts(dataclasses.replace(rows, points_px=rows.points_px * scale, image_size_px=None))
+            assert len(found) == named
+            assert all("in mm already?" in one.message for one in found)
+
+
+@given(
+    image_mm=st.floats(20, 350),
+    needle_mm=st.floats(31, 600),
+    marker_mm=st.floats(15, 300),
+    scale=st.floats(0.02, 0.9),
+    rms_mm=st.floats(0.05, 3),
+    dimension=st.sampled_from([2, 3]),
+)
+def test_scans_of_usual_images_are_not_doubted_for_their_size(**measures):
+    assert not scan_hints(**measures)
+
+
+@given(st.floats(10, 19), st.floats(31, 600), st.floats(15, 300), st.floats(0.25, 2))
+def test_probes_of_high_frequency_are_told_from_centimetres_by_the_trackers_errors(
+    image, needle, marker, rms
+):
+    assert not scan_hints(
+        image_mm=image, needle_mm=needle, marker_mm=marker, scale=image / 500, rms_mm=rms, dimension=2
+    )
+
+
+def test_an_area_that_no_scanner_shows_is_doubted():
+    assert scan_hints(image_mm=450.0, needle_mm=200.0, marker_mm=200.0, scale=0.9, rms_mm=0.5, dimension=2)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sonocal.calibration.anisotropy import anisotropy_findings
 from sonocal.calibration.area import corner_of
-from sonocal.calibration.distortion import distortion_findings
+from sonocal.calibration.bent import likeliest_of_needle
+from sonocal.calibration.distortion import likeliest_of_image
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
@@ -249,8 +250,15 @@ def fit_findings(
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
     yield from diagnose_noise(noise)
     stretched = [*anisotropy_findings(mapped.table, fit, groupings, accepted)]
+    if stretched:
+        yield from stretched
+        return
     area, _, area_name = accepted
-    yield from stretched or distortion_findings(mapped, fit, noise, groupings, (area, area_name))
+    looks = (likeliest_of_image, likeliest_of_needle)
+    found = [one for look in looks if (one := look(mapped, fit, noise, groupings, (area, area_name)))]
+    # What one of these leaves in the residuals may look like the other.
+    if found:
+        yield min(found, key=lambda one: one[0])[1]
 
 
 def predicts(noise: Noise) -> bool:

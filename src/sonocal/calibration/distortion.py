@@ -1,8 +1,6 @@
-"""Places in the image that are off by what is smooth over it: sound of another speed, errors that grow with depth."""
+"""Places in the image that are off by what is smooth over it: sound of another speed, lenses, shear."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -17,10 +15,10 @@ from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.uncertainty import NORMAL_95, point_covariance, point_jacobian, radius_95
 
-__all__ = ["distortion_findings", "distortions"]
+__all__ = ["distortions", "likeliest_of_image"]
 
-# Of three to five forms that go together one is beyond this in some six of a thousand sound scans.
-SURE = 0.003
+# Of five to nine forms, some of which go together, one is beyond this in some five of a thousand sound scans.
+SURE = 0.001
 # An answer that moves by less is no matter in practice, however little is predicted.
 LEAST_MM = 0.1
 # Radius of the face of curved probes: 40 to 60 mm for the abdomen. Others bend the rays alike, by another share.
@@ -35,11 +33,28 @@ FORMS = {
     "squared": "an error that grows with the square of the depth, {0:+.1f} % (+-{1:.1f} %) of the image at its bottom",
     "width": "u {0:+.1f} % (+-{1:.1f} %) off",
     "slices": "w {0:+.1f} % (+-{1:.1f} %) off, as where slices are not as far apart as the file says",
+    "radial": (
+        "an error that grows with the cube of the distance from the middle, {0:+.1f} % (+-{1:.1f} %) of it at the "
+        "corners, as lenses and curved screens have it"
+    ),
+}
+OF_SCANNER = (
+    "compare mm/px with the scanner's (--scanner-mm-per-px); check the temperature of the bath, its speed of sound, "
+    "the probe's geometry in the scanner's settings"
+)
+OF_PICTURE = (
+    "check how images are grabbed and resampled: a camera before the screen, a wrong stride of the pixels, a volume "
+    "whose slices are shifted against each other or swept obliquely"
+)
+SHEARS = {"uv": (0, 1), "uw": (0, 2), "vw": (1, 2)}
+FORMS |= {
+    pair: f"that {pair[0]} and {pair[1]} are not at right angles, by {{0:+.1f}} deg (+-{{1:.1f}} deg),"
+    for pair in SHEARS
 }
 
 
 def distortions(points: Array, area_px: Array, mm_per_px: float) -> dict[str, Array]:
-    """What an image's errors may look like, each as large as its whole measure.
+    """What an image's errors may look like, each as large as its whole measure: depth, distance, angle.
 
     Args:
         points: (N, 3), px.
@@ -62,16 +77,22 @@ def distortions(points: Array, area_px: Array, mm_per_px: float) -> dict[str, Ar
         "rays": beyond[:, None] * ray,
         "squared": (depth**2 / max(float(high[1] - low[1]), 1.0))[:, None] * v,
     }
+    middle = np.append(area_px.mean(axis=0), np.zeros(3 - len(low)))
+    away = points - middle
+    half = np.linalg.norm(high - low) / 2
+    found["radial"] = away * np.sum(away**2, axis=1, keepdims=True) / max(float(half), 1.0) ** 2
+    for pair, (first, second) in SHEARS.items():
+        if second < len(low):
+            found[pair] = away[:, [second]] * np.eye(3)[first]
     if len(low) == 3:
-        middle = area_px.mean(axis=0)
-        found["width"] = (points[:, 0] - middle[0])[:, None] * u
-        found["slices"] = (points[:, 2] - middle[2])[:, None] * w
+        found["width"] = away[:, :1] * u
+        found["slices"] = away[:, 2:] * w
     return found
 
 
-def distortion_findings(
+def likeliest_of_image(
     mapped: MappedRows, fit: Fit, noise: Noise, groupings: Groupings, area: tuple[Array, str]
-) -> Iterator[Diagnostic]:
+) -> tuple[float, Diagnostic] | None:
     """The likeliest distortion, where it is no chance and moves the answer by more than is predicted.
 
     Args:
@@ -80,10 +101,13 @@ def distortion_findings(
         noise: of the rows.
         groupings: what rows may share an error by.
         area: (2, d), the image or what was seen of it, and what messages call it.
+
+    Returns:
+        How often chance does as much, and the finding.
     """
     area_px, area_name = area
     if fit.inlier.sum() <= MINIMAL_ROWS or not np.all(np.isfinite(noise.covariance)):
-        return
+        return None
     found = likeliest_distortion(
         mapped,
         fit.inlier,
@@ -93,16 +117,27 @@ def distortion_findings(
         groups=list(groupings.labels.values()),
     )
     if found is None or found.p_value > SURE:
-        return
+        return None
     corners = area_places(area_px)[:-1]
-    moved = np.linalg.norm(point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved, axis=1)
+    moved = _moved_mm(found, fit, corners, area_px)
     bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
-    if np.any(moved > np.maximum(bounds, LEAST_MM)):
-        yield _finding(found, float(moved.max()), float(bounds.max()), area_name)
+    if not np.any(moved > np.maximum(bounds, LEAST_MM)):
+        return None
+    return found.p_value, _finding(found, float(moved.max()), float(bounds.max()), area_name)
+
+
+def _moved_mm(found: Distortion, fit: Fit, corners: Array, area_px: Array) -> Array:
+    """(C,): how far the transform's answer moves at the corners, or with the form undone there, whichever is more."""
+    by_fit = point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved
+    places = np.pad(corners, ((0, 0), (0, 3 - corners.shape[1])))
+    form = distortions(places, area_px, float(fit.transform.scales.mean()))[found.form]
+    undone = by_fit - found.size * form @ (fit.transform.rotation * fit.transform.scales).T
+    return np.asarray(np.maximum(np.linalg.norm(by_fit, axis=1), np.linalg.norm(undone, axis=1)))
 
 
 def _finding(found: Distortion, moved_mm: float, bound_mm: float, area_name: str) -> Diagnostic:
-    share = FORMS[found.form].format(100 * found.size, 100 * NORMAL_95 * found.deviation)
+    unit = float(np.degrees(1.0)) if found.form in SHEARS else 100.0
+    share = FORMS[found.form].format(unit * found.size, unit * NORMAL_95 * found.deviation)
     return Diagnostic(
         code="image-distortion",
         severity="warning",
@@ -111,8 +146,5 @@ def _finding(found: Distortion, moved_mm: float, bound_mm: float, area_name: str
             f"in {1 / max(found.p_value, 1e-6):.0f} scans) and would move the answer by up to {moved_mm:.1f} mm at "
             f"{corner_of(area_name)}, where an error of {bound_mm:.1f} mm (95 %) is predicted"
         ),
-        advice=(
-            "compare mm/px with the scanner's (--scanner-mm-per-px); check the temperature of the bath, its speed of "
-            "sound, the probe's geometry in the scanner's settings, and calibrate again"
-        ),
+        advice=(OF_PICTURE if found.form in {"radial", *SHEARS} else OF_SCANNER) + ", and calibrate again",
     )

@@ -71,12 +71,18 @@ def info(file: Path, *, quick: bool, as_json: bool, **reading: Any) -> None:
 
 
 def _recording(file: Path, reading: dict[str, Any], *, quick: bool) -> Shown:
+    from dataclasses import replace
+
     from sonocal.cli.screen.recording import print_recording
+    from sonocal.geometry.units import UNITS_CODE
     from sonocal.recording import summarize
+    from sonocal.tools import pivot_doubts
 
     recording = read_given(file, reading | {"on_invalid": "skip"})
     with progress("looking at images") as report:
         summary = summarize(recording, look_at_images=not quick, progress=report)
+    if not any(one.code == UNITS_CODE for one in summary.diagnostics):
+        summary = replace(summary, diagnostics=(*pivot_doubts(recording), *summary.diagnostics))
     return summary, lambda: print_recording(console(), summary)
 
 

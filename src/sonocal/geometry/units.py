@@ -18,7 +18,8 @@ __all__ = [
     "needle_hints",
     "place_hints",
     "scale_hints",
-    "small_scan_hints",
+    "scan_hints",
+    "tip_hints",
     "unit_doubt",
 ]
 
@@ -49,6 +50,16 @@ TURNED = 0.1
 USUAL_PLACE_MM = (30.0, 10_000.0)
 # Of a scan in centimetres each of these is smaller; of a scan in mm one may be, but not all three.
 SMALL_IMAGE_MM, SMALL_NEEDLE_MM, NEAR_MARKER_MM = 25.0, 30.0, 25.0
+# Needles may be long, so that one in centimetres is as long as others in mm. Without it the rest must say more: an area
+# of that size, of pixels and voxels as fine as only probes of 20 MHz have them, and trackers better than any is.
+TINY_IMAGE_MM, TINY_SCALE, TINY_VOXEL, TINY_RMS_MM = 20.0, 0.045, 0.1, 0.2
+# What images usually show, and the most across that any does.
+USUAL_IMAGE_MM, MOST_IMAGE_MM = (40.0, 260.0), 400.0
+# A tip so near the marker is no rarity of sensors in needles, but no tracker tells a tip's rest from place to place to
+# so little.
+NEAR_TIP_MM, TINY_PIVOT_MM, USUAL_TIP_MM = 30.0, 0.08, (50.0, 400.0)
+# Scales this near 1 mm/px are of places that are in mm already; of volumes' voxels it is a usual size.
+NEAR_ONE = 0.02
 # Places of images are counted in px from 0; normalised ones end at 1, and a detector may find a little more.
 MOST_NORMALISED = 1.05
 # Which unit could be meant is said where it brings one of the numbers into its usual range.
@@ -63,11 +74,15 @@ class Hint:
         what: it, in words, with its bounds.
         value: the number; or None where it is not the lengths that are doubted.
         usual: what such numbers mostly are.
+        question: what they may be instead, where it is not a unit of length.
+        remedy: for that.
     """
 
     what: str
     value: float | None = None
     usual: Range = (0.0, np.inf)
+    question: str = ""
+    remedy: str = ""
 
     def units(self, read_as: str) -> list[str]:
         """The units that would make it a usual number, beside the one that it was read as."""
@@ -90,23 +105,21 @@ def unit_doubt(hints: Sequence[Hint], where: str = "", read_as: str = "millimetr
     named = [hint.units(read_as) for hint in hints if hint.value is not None]
     common = [name for name in UNITS if named and all(name in names for names in named)]
     units = common or list(dict.fromkeys(name for names in named for name in names))
-    normalised = any(hint.value is None for hint in hints)
-    question = " or ".join(units) if units else "millimetres"
+    other = next((hint for hint in hints if hint.question), None)
+    question = other.question if other else "are these " + (" or ".join(units) if units else "millimetres")
     what = "; ".join(hint.what for hint in hints)
     if read_as != "millimetres":
         what += f", read as {read_as}"
     yield Diagnostic(
         code="implausible-units",
         severity="warning",
-        message=where + ("are these pixels" if normalised else "are these " + question) + f"? {what}",
-        advice=_remedy(units, read_as, normalised=normalised)
+        message=f"{where}{question}? {what}",
+        advice=(other.remedy if other else _remedy(units, read_as))
         + "; if they are what they say, go on with --accept-units",
     )
 
 
-def _remedy(units: Sequence[str], read_as: str, *, normalised: bool) -> str:
-    if normalised:
-        return "multiply u by the image's width in px and v by its height"
+def _remedy(units: Sequence[str], read_as: str) -> str:
     if not units:
         return "give lengths in mm and places of the image in px"
     factors = {unit: f"{UNITS[unit] / UNITS[read_as]:g}" for unit in units}
@@ -131,6 +144,14 @@ def scale_hints(scales: Array, deviation: float = 0.0, dimension: int = 2) -> li
     if most / slack > bound:
         said = f"the scale came out as {most:.3g} mm/px, and no scanner shows more than {bound:g}"
         return [Hint(said, most, USUAL_SCALE)]
+    if dimension == 2 and max(deviation, float(np.abs(np.log(scales)).max())) < NEAR_ONE:
+        return [
+            Hint(
+                f"the scale came out as {np.mean(scales):.3f} mm/px",
+                question="are the image's points in mm already",
+                remedy="give places in the image in px",
+            )
+        ]
     return []
 
 
@@ -140,32 +161,46 @@ def length_hints(points_px: Array, segments_mm: Array) -> list[Hint]:
         return []
     hints = []
     if np.abs(points_px).max() <= MOST_NORMALISED:
-        hints.append(Hint("all places of the image are between -1 and 1, as normalised ones are"))
+        hints.append(
+            Hint(
+                "all places of the image are between -1 and 1, as normalised ones are",
+                question="are these pixels",
+                remedy="multiply u by the image's width in px and v by its height",
+            )
+        )
     length = float(np.median(np.linalg.norm(segments_mm[:, 1] - segments_mm[:, 0], axis=1)))
     if not LEAST_SPAN_MM <= length <= MOST_SPAN_MM:
         hints.append(Hint(f"segments are {length:.2g} mm long in the middle", length, USUAL_NEEDLE_MM))
     return hints
 
 
-def small_scan_hints(image_mm: float, needle_mm: float, marker_mm: float) -> list[Hint]:
-    """Of a scan whose scale may be: image, needle and the marker's distance all too small, as in centimetres.
+def scan_hints(
+    *, image_mm: float, needle_mm: float, marker_mm: float, scale: float, rms_mm: float, dimension: int
+) -> list[Hint]:
+    """Of a scan whose scale may be: all of it too small, as in centimetres, or an image too large.
 
     Args:
         image_mm: the longest side of the area seen.
         needle_mm: the usual segment's length.
         marker_mm: of the marker from the middle of the area seen.
+        scale: mm per px.
+        rms_mm: of the residuals.
+        dimension: of the image.
     """
-    if not (
-        LEAST_SPAN_MM < needle_mm < SMALL_NEEDLE_MM
-        and image_mm < SMALL_IMAGE_MM
-        and marker_mm < NEAR_MARKER_MM
-    ):
+    if image_mm > MOST_IMAGE_MM:
+        said = f"the area seen is {image_mm:.3g} mm long, and no scanner shows more than {MOST_IMAGE_MM:g}"
+        return [Hint(said, image_mm, USUAL_IMAGE_MM)]
+    if image_mm >= SMALL_IMAGE_MM or marker_mm >= NEAR_MARKER_MM:
         return []
-    said = (
-        f"the needle's segments are {needle_mm:.2g} mm long, the area seen {image_mm:.2g} mm, and the marker lies "
-        f"{marker_mm:.2g} mm from its middle"
-    )
-    return [Hint(said, needle_mm, USUAL_NEEDLE_MM)]
+    seen = f"the area seen {image_mm:.2g} mm, and the marker lies {marker_mm:.2g} mm from its middle"
+    if LEAST_SPAN_MM < needle_mm < SMALL_NEEDLE_MM:
+        said = f"the needle's segments are {needle_mm:.2g} mm long, {seen}"
+        return [Hint(said, needle_mm, USUAL_NEEDLE_MM)]
+    fine = scale < (TINY_SCALE if dimension == 2 else TINY_VOXEL)
+    if image_mm < TINY_IMAGE_MM and fine and rms_mm < TINY_RMS_MM:
+        said = f"the scale came out as {scale:.2g} mm/px, residuals as {rms_mm:.2g} mm rms, {seen}"
+        return [Hint(said, image_mm, USUAL_IMAGE_MM)]
+    return []
 
 
 def needle_hints(name: str, length_mm: float) -> list[Hint]:
@@ -173,6 +208,17 @@ def needle_hints(name: str, length_mm: float) -> list[Hint]:
     if LEAST_NEEDLE_MM <= length_mm <= MOST_NEEDLE_MM:
         return []
     return [Hint(f"{name} is {length_mm:.2g} mm long", length_mm, USUAL_NEEDLE_MM)]
+
+
+def tip_hints(tip_mm: float, rms_mm: float) -> list[Hint]:
+    """Of a pivot: the tip's distance from the marker's origin, and what is left of its rest."""
+    if tip_mm >= NEAR_TIP_MM or rms_mm >= TINY_PIVOT_MM:
+        return []
+    said = (
+        f"the tip lies {tip_mm:.2g} mm from the marker's origin and rests to {rms_mm:.1g} mm rms, "
+        "which no tracker can tell"
+    )
+    return [Hint(said, tip_mm, USUAL_TIP_MM)]
 
 
 @np.errstate(over="ignore")

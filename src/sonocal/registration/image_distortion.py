@@ -13,7 +13,7 @@ from sonocal.registration.noise import stretch_length
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.registration.whitened import across_lines, whitened
 
-__all__ = ["Distortion", "likeliest_distortion"]
+__all__ = ["Distortion", "likeliest_distortion", "repeats", "side_by_side"]
 
 # Of a form, what the transform does not take up: less is rounding, and the form is not seen.
 LEAST_SEEN = 1e-4
@@ -66,7 +66,7 @@ def likeliest_distortion(
     """
     from scipy.special import stdtr
 
-    rows = _side_by_side(mapped, chosen)
+    rows = side_by_side(mapped, chosen)
     white = whitened(mapped, rows, _columns(mapped, rows, forms, parameters), levels).reshape(
         2 * len(rows), -1
     )
@@ -82,7 +82,7 @@ def likeliest_distortion(
     rest = np.maximum(left @ left - sizes**2 * squares, np.finfo(float).tiny)
     best = int(np.argmax(sizes**2 * squares / rest))
     unexplained = left - beyond @ np.linalg.lstsq(beyond, left, rcond=None)[0]
-    alike = _repeats(mapped, rows, unexplained.reshape(-1, 2), groups)
+    alike = repeats(mapped, rows, unexplained.reshape(-1, 2), groups)
     deviation = float(np.sqrt(alike * rest[best] / freedom / squares[best]))
     return Distortion(
         form=list(forms)[best],
@@ -93,7 +93,7 @@ def likeliest_distortion(
     )
 
 
-def _side_by_side(mapped: MappedRows, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def side_by_side(mapped: MappedRows, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
     """The chosen rows, those of one sighting together."""
     rows, sightings = np.flatnonzero(chosen), mapped.table.sightings
     return rows if sightings is None else rows[np.argsort(sightings[rows], kind="stable")]
@@ -107,7 +107,7 @@ def _columns(mapped: MappedRows, rows: NDArray[np.int64], forms: dict[str, Array
     return np.concatenate([jacobian, moved, mapped.residuals[rows][:, :, None]], axis=2)
 
 
-def _repeats(
+def repeats(
     mapped: MappedRows, rows: NDArray[np.int64], left: Array, groups: list[NDArray[np.int64]]
 ) -> float:
     """How many rows carry as much as one independent row: of neighbouring frames, and of the rows of a group.

@@ -9,7 +9,7 @@ import numpy as np
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.geometry.axis_units import axis_doubt
-from sonocal.geometry.units import length_hints, scale_hints, small_scan_hints, unit_doubt
+from sonocal.geometry.units import length_hints, scale_hints, scan_hints, unit_doubt
 from sonocal.setup_checks.evidence import Evidence
 
 __all__ = ["check_units"]
@@ -22,10 +22,13 @@ def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
     hints += length_hints(rows.points_px, rows.segments_mm)
     if not hints and len(rows):
         middle = rows.points_px.mean(axis=0, keepdims=True)
-        hints = small_scan_hints(
+        hints = scan_hints(
             image_mm=float((np.ptp(evidence.seen_px, axis=0) * transform.scales[: rows.dimension]).max()),
             needle_mm=float(np.median(evidence.mapped.lengths_mm)),
             marker_mm=float(np.linalg.norm(transform @ middle)),
+            scale=float(transform.scales[: rows.dimension].max()),
+            rms_mm=evidence.rms_mm,
+            dimension=rows.dimension,
         )
     yield from unit_doubt(hints) if hints else axis_doubt(_of_one_target(evidence))
 

@@ -36,8 +36,20 @@ OF = "'s"
 # Share of the images' best candidates that agree where all is well, others lie on clutter; and of images in which one
 # of the first two does.
 LEAST_SHARE, GOOD_SHARE = 0.25, 0.6
+# Of trials under which as many agree, but for this share, that counts under which they do so most closely.
+AS_MANY = 0.02
 # Share of the sightings below which it is asked why not more took part: needles are out of view for a while.
 FEW = 0.7
+
+
+UNITS_MM = {"mm": 1.0, "cm": 10.0, "inches": 25.4, "metres": 1000.0}
+FACTORS = {
+    (of, to): UNITS_MM[of] / UNITS_MM[to]
+    for of in UNITS_MM
+    for to in UNITS_MM
+    if of != to and {of, to} != {"metres", "inches"}
+}
+"""What lengths of lines are multiplied by that are in one unit, where poses are in another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +112,7 @@ class Suspects:
         Args:
             agreeing: how many sightings do, where that is said beside.
         """
-        for look in (self._late, self._wrong_poses, self._wrong_frame):
+        for look in (self._wrong_unit, self._late, self._wrong_poses, self._wrong_frame):
             if found := tuple(look()):
                 said = "" if agreeing is None else f", instead of {agreeing}"
                 return tuple(replace(one, message=one.message + said) for one in found)
@@ -133,6 +145,24 @@ class Suspects:
             point_line_rows(table), self.recording.times, self._segments_mm, table.frame, track
         )
         return find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
+
+    def _wrong_unit(self) -> Iterator[Diagnostic]:
+        """Lines that fit when they are taken to be in another unit than the poses."""
+        found = self._best(
+            {
+                f"the lines fit when their lengths are multiplied by {factor:.4g} ({of}, where poses are in {to})": (
+                    self._longer(factor)
+                )
+                for (of, to), factor in FACTORS.items()
+            }
+        )
+        if found is not None:
+            yield Diagnostic(
+                code="implausible-units",
+                severity="warning",
+                message=found,
+                advice="give the lines' file and the poses in mm, both",
+            )
 
     def _late(self) -> Iterator[Diagnostic]:
         if self._lag is not None:
@@ -193,6 +223,11 @@ class Suspects:
         }
         return lambda: self.posing.segments_mm(replace(self.recording, poses=poses), self.lines)
 
+    def _longer(self, factor: float) -> Callable[[], Array]:
+        """The lines' ends as if they were given in another unit."""
+        lines = [replace(line, segment_mm=line.segment_mm * factor) for line in self.lines]
+        return lambda: self.posing.segments_mm(self.recording, lines)
+
     def _in_frame(self, frame: str) -> Callable[[], Array]:
         """The lines' ends as if they were given in another frame."""
         lines = [replace(line, frame=frame) for line in self.lines]
@@ -202,7 +237,9 @@ class Suspects:
         """The trial under which most agree, in words with how many, if they are far more than as things stand."""
         before = self._agreeing(lambda: self._segments_mm)
         shares = {words: self._agreeing(segments) for words, segments in trials.items()}
-        words = max(shares, key=lambda one: shares[one].part, default="")
+        most = max((share.part for share in shares.values()), default=0.0)
+        alike = [one for one, share in shares.items() if share.part >= most - AS_MANY]
+        words = min(alike, key=lambda one: shares[one].middle_mm, default="")
         if not shares or not shares[words].part > max(GOOD_SHARE, before.part + GAIN):
             return None
         return f"{words}: {shares[words].count} of {shares[words].of} images agree then"
@@ -212,18 +249,22 @@ class Suspects:
         try:
             table = self._table(segments())
         except InputError:  # nothing connects such a frame to the probe
-            return _Share(0, 1)
+            return _Share(0, 1, np.inf)
         sightings = len(np.unique(table.frame))
         fit = quick_fit(point_line_rows(table), self.threshold_mm)
-        return _Share(0 if fit is None else len(np.unique(table.frame[fit.inlier])), sightings)
+        if fit is None:
+            return _Share(0, sightings, np.inf)
+        agreeing = len(np.unique(table.frame[fit.inlier]))
+        return _Share(agreeing, sightings, float(np.median(fit.residuals_mm[fit.inlier])))
 
 
 @dataclass(frozen=True)
 class _Share:
-    """How many images agree, of how many."""
+    """How many images agree, of how many, and the distance of the middle one of their rows from its line."""
 
     count: int
     of: int
+    middle_mm: float
 
     @property
     def part(self) -> float:

@@ -1,6 +1,13 @@
 """Tracked tools: the tip by pivoting, the axis by spinning, the needle that follows."""
 
-from sonocal.tools.calibrate import Stylus, ToolCalibration, calibrate_tool, stylus_tip, tool_toml
+from sonocal.tools.calibrate import (
+    Stylus,
+    ToolCalibration,
+    calibrate_tool,
+    pivot_doubts,
+    stylus_tip,
+    tool_toml,
+)
 from sonocal.tools.needle import (
     DigitisedPoint,
     NeedleCalibration,
@@ -26,6 +33,7 @@ __all__ = [
     "needle_from_axis",
     "needle_from_points",
     "needle_from_spin",
+    "pivot_doubts",
     "stylus_tip",
     "tool_toml",
 ]

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sonocal.errors import InputError
+from sonocal.errors import InputError, SonocalError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.geometry.units import needle_hints, unit_doubt
+from sonocal.geometry.units import UNITS_CODE, Hint, needle_hints, tip_hints, unit_doubt
 from sonocal.recording import (
     Poses,
     Recording,
@@ -40,7 +40,7 @@ from sonocal.tools.spin import (
     calibrate_spin,
 )
 
-__all__ = ["Stylus", "ToolCalibration", "calibrate_tool", "stylus_tip", "tool_toml"]
+__all__ = ["Stylus", "ToolCalibration", "calibrate_tool", "pivot_doubts", "stylus_tip", "tool_toml"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,25 +113,54 @@ def calibrate_tool(
     if spin is not None:
         poses = _poses(spin, tool, reference, on_invalid)
         axis = calibrate_spin(poses.matrices, poses.valid, spin.name)
-    needle = _needle(points, axis, length_mm, name, tool)
+    doubts = [*_doubts([part for part in (first, second, spin) if part is not None], tool, points)]
+    try:
+        needle = _needle(points, axis, length_mm, name, tool)
+    except InputError as error:  # of metres a needle is too short, and its length is not what is wrong
+        if not doubts:
+            raise
+        raise InputError(
+            f"{doubts[0].message}; {doubts[0].advice} (refused as it stands: {error})"
+        ) from error
     findings = list(needle.diagnostics) if needle is not None else []
     parts = [part for part in (*points, axis) if part is not None]
-    findings += _unit_findings([part for part in (first, second, spin) if part is not None], tool, needle)
+    findings += doubts or _needle_doubts(tool, needle)
     findings += [found for part in parts for found in part.diagnostics if found not in findings]
     findings.sort(key=lambda found: found.severity != "warning")
     return ToolCalibration(tool, points, axis, needle, tuple(findings))
 
 
-def _unit_findings(
-    parts: Sequence[Recording], tool: str, needle: NeedleCalibration | None
+def _doubts(
+    parts: Sequence[Recording], tool: str, points: Sequence[PivotCalibration | DigitisedPoint]
 ) -> Iterator[Diagnostic]:
-    """The doubt that the tool's poses, and the needle that follows from them, are in mm."""
+    """The doubt that the tool's poses, or else the tips that follow from them, are in mm."""
     used = {part.name: replace(part, poses={tool: part.tool(tool)}) for part in parts}
     found = [finding for part in used.values() for finding in unit_findings(part)]
-    yield from found
-    if needle is not None and not found:
+    pivots = [point for point in points if isinstance(point, PivotCalibration)]
+    yield from found or unit_doubt([hint for pivot in pivots for hint in _tip_hints(pivot)])
+
+
+def _tip_hints(pivot: PivotCalibration) -> list[Hint]:
+    return tip_hints(float(np.linalg.norm(pivot.tip_mm)), pivot.rms_mm)
+
+
+def _needle_doubts(tool: str, needle: NeedleCalibration | None) -> Iterator[Diagnostic]:
+    """The doubt that a needle's length is in mm."""
+    if needle is not None:
         start, end = needle.line.segment_mm
         yield from unit_doubt(needle_hints(f"the needle of {tool}", float(np.linalg.norm(end - start))))
+
+
+def pivot_doubts(recording: Recording) -> list[Diagnostic]:
+    """The doubt that a recording of nothing but a pivot is in mm; none of what is no pivot."""
+    for poses in [] if recording.image is not None else recording.poses.values():
+        try:
+            pivot = calibrate_tool(poses.source, recording, on_invalid="skip")
+        except SonocalError:
+            continue
+        if found := [one for one in pivot.diagnostics if one.code == UNITS_CODE]:
+            return found
+    return []
 
 
 def stylus_tip(path: str | Path, stylus: str) -> Array:
