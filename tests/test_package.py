@@ -48,7 +48,7 @@ def test_registration_loads_no_ultrasound():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     rooms = {name.split(".")[1] for name in eval(done.stdout) if "." in name}
-    assert rooms == {"_core", "errors", "geometry", "registration"}
+    assert rooms == {"_core", "errors", "findings", "geometry", "registration"}
 
 
 def test_the_face_lists_its_names_before_any_is_used():

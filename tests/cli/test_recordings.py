@@ -805,7 +805,7 @@ def test_angles_and_markers_are_told_on_the_command_line(tmp_path):
     [
         (
             ("calibrate", "needle.toml", "--lines", "Probe.csv"),
-            "needle.toml: is a file of needles, wires or points; name",
+            "needle.toml: is a file of needles, wires or points; give it with --lines",
         ),
         (
             ("info", "Probe.csv", "--poses", "needle.toml"),
@@ -813,7 +813,7 @@ def test_angles_and_markers_are_told_on_the_command_line(tmp_path):
         ),
         (
             ("tool", "needle.toml"),
-            "needle.toml: is a file of needles, wires or points; name a recording in its place",
+            "needle.toml: is a file of needles, wires or points; give it with --lines",
         ),
         (
             ("info", "needle.toml", "--poses", "Probe.csv"),

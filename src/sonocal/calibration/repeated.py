@@ -78,6 +78,8 @@ def repeated_rows(table: PointLineRows, fit: Fit) -> Repeated | None:
         table: the fitted rows.
         fit: whose residuals say how large noise is.
     """
+    if _plainly_distinct(table, fit):
+        return None
     from scipy.spatial import cKDTree
 
     assert table.target is not None
@@ -101,6 +103,16 @@ def repeated_rows(table: PointLineRows, fit: Fit) -> Repeated | None:
         return None
     kept = np.unique(copy_of, return_index=True)[1]
     return Repeated(np.isin(sighting, kept), len(first), len(kept))
+
+
+def _plainly_distinct(table: PointLineRows, fit: Fit) -> bool:
+    """A glance along one axis, on which copies are neighbours: whether hardly any neighbours have one segment."""
+    own = slice(None) if table.sightings is None else np.flatnonzero(np.diff(table.sightings, prepend=-1))
+    ends = table.segments_mm[own].reshape(-1, 6)
+    steps = np.diff(ends[np.argsort(ends[:, 0])], axis=0)
+    near = max(NEAR * NEAR * fit.squares_mm2 / max(int(np.count_nonzero(fit.inlier)), 1), LEAST_MM**2)
+    alike = np.count_nonzero(np.einsum("nk,nk->n", steps, steps) <= 6.0 * near)
+    return int(alike) < 0.5 * LEAST_SHARE * len(ends)
 
 
 def _sightings(table: PointLineRows) -> NDArray[np.int64]:

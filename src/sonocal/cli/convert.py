@@ -45,10 +45,11 @@ def convert(
     """Write a recording (RECORDING) in another format, by the name of the output.
 
     \b
-    .mha, .mhd, .nrrd    a PLUS sequence: images, poses, stamps, statuses and fields, to the last bit
-    .csv                 a table of poses, of a tracker alone or --without-images
-    .mkv                 a video without loss, and the table of poses of the same name beside it;
-                         8 bits, stamps to the ms
+    .mha, .mhd, .nrrd    a PLUS sequence: images, poses, stamps, statuses and
+                         fields, to the last bit
+    .csv                 a table of poses, of a tracker or --without-images
+    .mkv                 a video without loss, and the table of poses of the
+                         same name beside it; 8 bits, stamps to the ms
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.recording.formats import write_recording
     from sonocal.recording.formats.registry import files_written

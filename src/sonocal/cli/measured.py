@@ -10,6 +10,7 @@ import click
 
 from sonocal.cli.from_recording import OF_DETECTION, from_recording
 from sonocal.cli.options import typed
+from sonocal.cli.reading import OF_READING
 from sonocal.errors import InputError, UnsupportedError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["OF_RECORDINGS", "Measured", "read_measured"]
 
-OF_RECORDINGS = ("points", "poses", "probe", "latency_s", "on_invalid", *OF_DETECTION)
+OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
 NWires = tuple[tuple[str, str, str], ...]
 
 

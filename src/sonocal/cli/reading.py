@@ -23,9 +23,7 @@ def read_given(path: Path, options: Mapping[str, Any]) -> Recording:
     from sonocal.cli.formats import require_kind
     from sonocal.recording.formats import read_recording
 
-    require_kind(
-        path, ("recording",), "name a recording in its place; needles and wires are given with --lines"
-    )
+    require_kind(path, ("recording",))
     for file in options.get("poses", ()):
         require_kind(file, ("recording",), "name the tracker's own recording with --poses")
     return read_recording(

@@ -18,6 +18,7 @@ from sonocal.cli.existing import (
 )
 from sonocal.cli.measured import OF_RECORDINGS, Measured, read_measured
 from sonocal.cli.options import (
+    ANGLES,
     CENTRE,
     COUNT,
     FILE,
@@ -25,6 +26,7 @@ from sonocal.cli.options import (
     JSON,
     LATENCY,
     LINES,
+    MARKERS,
     MASK,
     NO_REPORT,
     POSES,
@@ -89,6 +91,8 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
     "--points", type=FILE, help="Points found in the images (CSV: frame, u_px, v_px[, w_px][, target])."
 )
 @POSES
+@ANGLES
+@MARKERS
 @PROBE
 @LATENCY
 @INVALID

@@ -78,6 +78,8 @@ def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool
     agreeing, count = int(np.count_nonzero(inlier)), len(inlier)
     if GAIN_OF_PART * agreeing >= count or options.threshold_mm == "auto":
         return
+    if not rows.points[:, 2].any():  # a plane is its own mirror
+        return
     points = np.ascontiguousarray(rows.points * [1.0, 1.0, -1.0])
     table = _core.Table.of_planes(points, rows.planes, rows.first)
     other = _core.estimate_correspondences(table, options.to_core(0, 0), refine=True, scale=0.0, weights=None)

@@ -92,7 +92,7 @@ class LinesInTime:
         control = self.knot[here[usable], None] + np.arange(-1, 3)
         moments = self.moments[control]
         weights, rates = _weights(_solved(moments, axis[usable]))
-        rates /= np.einsum("nk,nk->n", rates, moments)[:, None]
+        rates = _ratio(rates, np.einsum("nk,nk->n", rates, moments)[:, None])
         found.segments_mm[usable] = np.einsum("nk,nki->ni", weights, self.places[control]).reshape(-1, 2, 3)
         found.velocities[usable] = np.einsum("nk,nki->ni", rates, self.places[control]).reshape(-1, 2, 3)
         found.coupling[usable] = self.sigma_mm**2 * np.einsum("nk,nk->n", weights, rates)
@@ -267,12 +267,17 @@ def _noise(axis: Array, places: Array, piece: NDArray[np.int64]) -> float:
 def _solved(moments: Array, axis: Array) -> Array:
     """(N,): the part of the way between two knots where a curve (N, 4) of time comes to a moment (N,)."""
     start, end = ((moments[:, i] + 4.0 * moments[:, i + 1] + moments[:, i + 2]) / 6.0 for i in (0, 1))
-    part = (axis - start) / (end - start)
+    part = _ratio(axis - start, end - start)
     for _ in range(NEWTON_STEPS):  # at even stamps the first guess is right
         weights, rates = _weights(part)
         off = np.einsum("nk,nk->n", weights, moments) - axis
-        part = np.clip(part - off / np.einsum("nk,nk->n", rates, moments), 0.0, 1.0)
+        part = np.clip(part - _ratio(off, np.einsum("nk,nk->n", rates, moments)), 0.0, 1.0)
     return np.asarray(part)
+
+
+def _ratio(above: Array, below: Array) -> Array:
+    """Their ratio; 0 where stamps beyond all reason leave no rate."""
+    return np.asarray(np.divide(above, below, out=np.zeros_like(above), where=below != 0))
 
 
 def _weights(part: Array) -> tuple[Array, Array]:
