@@ -26,6 +26,8 @@ Kind = Literal[
 ]  # fmt: skip
 
 HEAD_BYTES = 4096
+# Names of files that are packed by nature: theirs say what they are.
+PACKED = (".h5", ".hdf5", ".mrb", ".npz")
 # What files start with that are often given under the name of what was put into them.
 CONTAINERS = (
     (b"\x1f\x8b", "compressed (gzip); unpack it first"),
@@ -175,7 +177,7 @@ def recognise(head: Head, formats: Iterable[Format]) -> Format | None:
     formats = tuple(formats)
     if claimed := next((one for one in formats if one.sniff(head)), None):
         return claimed
-    if head.container:
+    if head.container and head.suffix not in PACKED:
         return None
     named = [one for one in formats if head.suffix in one.suffixes]
     return named[0] if len({one.kind for one in named}) == 1 else None

@@ -24,7 +24,7 @@ __all__ = ["with_pose_errors"]
 # in a hundred reach it, and widen by a few per cent), and to be told (1 in 2350).
 LEAST_GAIN, SURE_GAIN = 5.0, 12.0
 # A predicted error that grows by more than this is explained, however unsure the smooth error is.
-GROWN = 1.3
+GROWN = 2.0
 # Errors of rows below this are none, and a drift is never infinitely many times as large.
 TINY_MM = 1e-6
 

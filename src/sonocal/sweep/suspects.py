@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -148,14 +149,12 @@ class Suspects:
 
     def _wrong_unit(self) -> Iterator[Diagnostic]:
         """Lines that fit when they are taken to be in another unit than the poses."""
-        found = self._best(
-            {
-                f"the lines fit when their lengths are multiplied by {factor:.4g} ({of}, where poses are in {to})": (
-                    self._longer(factor)
-                )
-                for (of, to), factor in FACTORS.items()
-            }
-        )
+        trials, within = {}, {}
+        for (of, to), factor in FACTORS.items():
+            words = f"the lines fit when their lengths are multiplied by {factor:.4g} ({of}, where poses are in {to})"
+            # Lines that shrink come near one another, and chance with them.
+            trials[words], within[words] = self._longer(factor), min(factor, 1.0)
+        found = self._best(trials, within)
         if found is not None:
             yield Diagnostic(
                 code="implausible-units",
@@ -233,10 +232,17 @@ class Suspects:
         lines = [replace(line, frame=frame) for line in self.lines]
         return lambda: self.posing.segments_mm(self.recording, lines)
 
-    def _best(self, trials: dict[str, Callable[[], Array]]) -> str | None:
-        """The trial under which most agree, in words with how many, if they are far more than as things stand."""
+    def _best(
+        self, trials: dict[str, Callable[[], Array]], within: Mapping[str, float] = MappingProxyType({})
+    ) -> str | None:
+        """The trial under which most agree, in words with how many, if they are far more than as things stand.
+
+        Args:
+            trials: where the lines would be, by what is tried.
+            within: parts of the threshold within which they agree, where less than all of it.
+        """
         before = self._agreeing(lambda: self._segments_mm)
-        shares = {words: self._agreeing(segments) for words, segments in trials.items()}
+        shares = {words: self._agreeing(lines, within.get(words, 1.0)) for words, lines in trials.items()}
         most = max((share.part for share in shares.values()), default=0.0)
         alike = [one for one, share in shares.items() if share.part >= most - AS_MANY]
         words = min(alike, key=lambda one: shares[one].middle_mm, default="")
@@ -244,14 +250,14 @@ class Suspects:
             return None
         return f"{words}: {shares[words].count} of {shares[words].of} images agree then"
 
-    def _agreeing(self, segments: Callable[[], Array]) -> _Share:
+    def _agreeing(self, segments: Callable[[], Array], within: float = 1.0) -> _Share:
         """Sightings that agree with one transform, of those that have a candidate."""
         try:
             table = self._table(segments())
         except InputError:  # nothing connects such a frame to the probe
             return _Share(0, 1, np.inf)
         sightings = len(np.unique(table.frame))
-        fit = quick_fit(point_line_rows(table), self.threshold_mm)
+        fit = quick_fit(point_line_rows(table), within * self.threshold_mm)
         if fit is None:
             return _Share(0, sightings, np.inf)
         agreeing = len(np.unique(table.frame[fit.inlier]))
