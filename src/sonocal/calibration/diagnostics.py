@@ -263,7 +263,7 @@ def fit_findings(
 
 def predicts(noise: Noise) -> bool:
     """Whether the covariance is one: no row may be left over to tell, or a fit not have come to rest."""
-    return bool(np.all(np.isfinite(noise.covariance)) and np.all(np.diag(noise.covariance) >= 0))
+    return bool(np.isfinite(noise.covariance).all() and noise.covariance.diagonal().min() >= 0)
 
 
 def weakness_findings(

@@ -107,9 +107,11 @@ def repeated_rows(table: PointLineRows, fit: Fit) -> Repeated | None:
 
 def _plainly_distinct(table: PointLineRows, fit: Fit) -> bool:
     """A glance along one axis, on which copies are neighbours: whether hardly any neighbours have one segment."""
-    own = slice(None) if table.sightings is None else np.flatnonzero(np.diff(table.sightings, prepend=-1))
-    ends = table.segments_mm[own].reshape(-1, 6)
-    steps = np.diff(ends[np.argsort(ends[:, 0])], axis=0)
+    ends = table.segments_mm.reshape(-1, 6)
+    if table.sightings is not None:
+        ends = ends[1:][table.sightings[1:] != table.sightings[:-1]]
+    ends = ends[ends[:, 0].argsort()]
+    steps = ends[1:] - ends[:-1]
     near = max(NEAR * NEAR * fit.squares_mm2 / max(int(np.count_nonzero(fit.inlier)), 1), LEAST_MM**2)
     alike = np.count_nonzero(np.einsum("nk,nk->n", steps, steps) <= 6.0 * near)
     return int(alike) < 0.5 * LEAST_SHARE * len(ends)

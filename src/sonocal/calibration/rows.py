@@ -69,10 +69,12 @@ def check_rows(rows: Observations, model: Model) -> None:
 
 def _check_sightings(rows: Observations) -> None:
     """A 3D sighting is one needle: two points or more on its image line, one segment."""
-    sightings = rows.sightings
-    order = np.argsort(sightings, kind="stable")
-    segments = rows.segments_mm.reshape(-1, 6)[order]
-    wrong = (sightings[order[1:]] == sightings[order[:-1]]) & (segments[1:] != segments[:-1]).any(axis=1)
+    sightings, segments = rows.sightings, rows.segments_mm.reshape(-1, 6)
+    order = np.arange(len(rows))
+    if not (sightings[1:] >= sightings[:-1]).all():
+        order = np.argsort(sightings, kind="stable")
+        sightings, segments = sightings[order], segments[order]
+    wrong = (sightings[1:] == sightings[:-1]) & (segments[1:] != segments[:-1]).any(axis=1)
     if wrong.any():
         first, second = np.sort(order[np.argmax(wrong) + np.arange(2)])
         raise InputError(

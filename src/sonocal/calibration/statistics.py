@@ -43,7 +43,7 @@ class ErrorStatistics:
         return cls(
             observations=observations,
             inliers=inliers,
-            rms_mm=float(np.sqrt(np.mean(counted_mm**2))),
+            rms_mm=float(np.sqrt(counted_mm @ counted_mm / len(counted_mm))),
             median_mm=median,
             p95_mm=p95,
             max_mm=float(counted_mm.max()),

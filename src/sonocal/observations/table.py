@@ -298,7 +298,7 @@ def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
     """The group (N,) of each row, counted from 0 in sorted order: rows alike in all columns share one."""
     codes: NDArray[np.int64] | None = None
     for column in columns:
-        if len(column) == 0 or np.all(column == column[0]):
+        if len(column) == 0 or (column == column[0]).all():
             continue
         count, code = _codes(column)
         codes = code if codes is None else _codes(codes * count + code)[1]
@@ -307,8 +307,9 @@ def group_codes(*columns: NDArray[Any]) -> NDArray[np.int64]:
 
 def _codes(column: NDArray[Any]) -> tuple[int, NDArray[np.int64]]:
     """How many distinct values a column has, and which of them, in their order, each row has."""
-    if column.dtype.kind in "iu" and np.all(column[1:] >= column[:-1]):
-        code = np.concatenate([[0], np.cumsum(column[1:] != column[:-1])])
+    if column.dtype.kind in "iu" and (column[1:] >= column[:-1]).all():
+        code = np.zeros(len(column), dtype=np.int64)
+        (column[1:] != column[:-1]).cumsum(out=code[1:])
         return int(code[-1]) + 1, code
     distinct, code = np.unique(column, return_inverse=True)
     return len(distinct), code.reshape(-1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import Diagnostic
+from sonocal.geometry import Array
 from sonocal.registration.constraints import Rows
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
@@ -23,6 +24,10 @@ __all__ = ["mirrored_finding", "mirrored_volume", "refuse_mirrored_target", "ref
 GAIN_OF_MOST, GAIN_OF_PART = 1.25, 2.0
 # Of correspondences that nothing else is wrong with.
 MOST_OF_TARGET = 0.8
+# Of seven correspondences of which a fifth are wrong, so many samples find one without any but once in 100 000 times.
+MIRRORED_SAMPLES = 50
+# Of squared lengths: thinner than that, points are those of an image, which is its own mirror.
+FLAT = 1e-12
 
 
 def mirrored_volume(rows: PointLineRows) -> PointLineRows:
@@ -64,13 +69,14 @@ def refuse_mirrored_volume(
     raise MirroredVolumeError(f"{found.message}; {found.advice}", best_count=best_count).explained((found,))
 
 
-def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool_]) -> None:
+def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool_], scale: float) -> None:
     """Name the mirror where few correspondences agree, as those near a plane do, and nearly all would when mirrored.
 
     Args:
         rows: the correspondences.
         options: how they were fitted.
         inlier: (C,): which of them agree as they stand.
+        scale: of the similarity with which they do.
 
     Raises:
         MirroredVolumeError: mirrored, most of them do, and at least twice as many.
@@ -78,11 +84,12 @@ def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool
     agreeing, count = int(np.count_nonzero(inlier)), len(inlier)
     if GAIN_OF_PART * agreeing >= count or options.threshold_mm == "auto":
         return
-    if not rows.points[:, 2].any():  # a plane is its own mirror
+    if not _near_a_plane(rows.points[np.repeat(inlier, np.diff(rows.first))], options.threshold_mm / scale):
         return
     points = np.ascontiguousarray(rows.points * [1.0, 1.0, -1.0])
     table = _core.Table.of_planes(points, rows.planes, rows.first)
-    other = _core.estimate_correspondences(table, options.to_core(0, 0), refine=True, scale=0.0, weights=None)
+    few = replace(options, max_samples=MIRRORED_SAMPLES).to_core(0, 0)
+    other = _core.estimate_correspondences(table, few, refine=True, scale=0.0, weights=None)
     if not other.found:
         return
     mirrored = int(np.count_nonzero(other.residuals_mm <= options.threshold_mm))
@@ -93,6 +100,13 @@ def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool
         f"than {agreeing} as they stand; one side is left-handed: turn one of its axes round",
         best_count=agreeing,
     )
+
+
+def _near_a_plane(points: Array, within: float) -> bool:
+    """Whether points (N, 3) lie nearer to a plane than that (rms), where a mirror leaves them; in it, all do."""
+    away = points - points.mean(axis=0)
+    least, middle, _ = np.linalg.eigvalsh(away.T @ away / len(points))
+    return bool(FLAT * middle < least <= within * within < middle)
 
 
 def mirrored_finding(agreeing: int, count: int, otherwise: str = "") -> Diagnostic:

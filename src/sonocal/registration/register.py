@@ -162,7 +162,7 @@ def _registered(constraints: Rows, options: Options, told: Told, *, refine: bool
         if constraints.lines is not None and refine and told.nothing
         else _register_mix(constraints, options, told, refine=refine)
     )
-    refuse_mirrored_target(constraints, options, found.inlier)
+    refuse_mirrored_target(constraints, options, found.inlier, float(found.target_from_source.scale))
     return found
 
 
