@@ -226,7 +226,6 @@ def _axis(vector: Array) -> str:
 def fit_findings(
     mapped: MappedRows,
     fit: Fit,
-    *,
     noise: Noise,
     rival: Rival | None,
     groupings: Groupings,
