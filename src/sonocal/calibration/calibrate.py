@@ -113,7 +113,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     # What to know before use, looked for when it is first read.
     looks = (
         partial(few_targets_finding, few),
-        partial(fit_findings, mapped, fit, noise, rival, groupings, found.accepted),
+        partial(fit_findings, found, mapped, fit, rival, groupings),
         partial(left_out_findings, table, fit, used, found.accepted),
         partial(outside_findings, rows.points_px[fit.inlier], size),
         partial(area_findings, found),
