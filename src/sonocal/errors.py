@@ -30,6 +30,10 @@ __all__ = [
 ]
 
 
+# Of characters, in a line of a session; the sentence itself is whole.
+MOST_SHOWN = 300
+
+
 class SonocalError(Exception):
     """Every failure that sonocal foresees; its text is one sentence for the user, in one line.
 
@@ -43,6 +47,10 @@ class SonocalError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(_one_line(message))
+
+    def __repr__(self) -> str:
+        said = repr(str(self))
+        return f"{type(self).__name__}({said if len(said) <= MOST_SHOWN else said[:MOST_SHOWN] + '...'})"
 
     def explained(self, findings: Iterable[Diagnostic], message: str | None = None) -> Self:
         """The same failure with what was found, and with another sentence where one is given."""

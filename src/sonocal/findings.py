@@ -23,6 +23,9 @@ __all__ = [
 # Where the documentation has a section for each code of the three tables.
 PAGE = "docs/findings.md"
 
+# Of characters, in a line of a session.
+MOST_SHOWN = 200
+
 # Codes of diagnostics, each with a title of one line.
 CODES = {
     # calibration
@@ -190,6 +193,9 @@ class Diagnostic:
     message: str
     advice: str
 
+    def __repr__(self) -> str:
+        return f"<Diagnostic {_cut(f'{self.severity} {self.code}: {self.message}')}>"
+
     @property
     def anchor(self) -> str:
         """Where the documentation says more: page and section."""
@@ -199,6 +205,12 @@ class Diagnostic:
 def anchor_of(code: str) -> str:
     """The section of the documentation for a code of any of the tables; the page alone for another."""
     return f"{PAGE}#{code}" if code in {*CODES, *REFUSALS, *REASONS} else PAGE
+
+
+def _cut(text: str) -> str:
+    """As much of a text as a line of a session has room for, without control characters."""
+    shown = repr(text)[1:-1]
+    return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."
 
 
 class Findings(Sequence[Diagnostic]):
@@ -248,7 +260,9 @@ class Findings(Sequence[Diagnostic]):
     __hash__ = None  # type: ignore[assignment]  # as of any sequence that may still grow
 
     def __repr__(self) -> str:
-        return repr(self.read())
+        warnings = sum(one.severity == "warning" for one in self)
+        codes = ", ".join(one.code for one in self) or "none"
+        return f"<Findings, {warnings} of {len(self)} to read before use: {_cut(codes)}>"
 
     def __reduce__(self) -> tuple[type[Findings], tuple[tuple[Diagnostic, ...]]]:
         return Findings, (self.read(),)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
+from sonocal.geometry.shown import brief
 from sonocal.recording.lengths import unit_findings
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import (
@@ -52,6 +53,8 @@ class ToolSummary:
     longest_loss: int
     travel_mm: float
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -74,6 +77,8 @@ class Summary:
     image: ImageGeometry | None
     tools: tuple[ToolSummary, ...]
     diagnostics: tuple[Diagnostic, ...]
+
+    __repr__ = brief
 
 
 def summarize(recording: Recording, look_at_images: bool = True, progress: Progress | None = None) -> Summary:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.recording.frames import Frames, SelectedFrames, no_frames
 from sonocal.recording.poses import Mask, OnInvalid, Poses, chosen
 
@@ -39,6 +40,8 @@ class ImageGeometry:
     orientation: str
     image_from_file: Array
     spacing_mm: tuple[float, ...] | None = None
+
+    __repr__ = brief
 
     @classmethod
     def of(
@@ -75,6 +78,8 @@ class Provenance:
     format: str = "memory"
     paths: tuple[str, ...] = ()
     lengths: str = "millimetres"
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)

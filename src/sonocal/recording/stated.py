@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import Poses
 
@@ -29,6 +30,8 @@ class StatedScale:
 
     mm_per_px: tuple[float, ...]
     where: str
+
+    __repr__ = brief
 
     def __str__(self) -> str:
         return f"{self.where} states {' x '.join(f'{s:.5g}' for s in self.mm_per_px)} mm/px"

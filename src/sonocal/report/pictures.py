@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
 from sonocal.geometry import Array, needle_in_image, needle_in_volume
+from sonocal.geometry.shown import brief
 from sonocal.report.style import DETECTED, TRACKED
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ class FrameImage:
     detected_px: Array
     segments_mm: Array | None = None
     title: str = ""
+
+    __repr__ = brief
 
 
 def picture_svg(calibration: Calibration, frame: FrameImage) -> str:

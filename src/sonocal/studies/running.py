@@ -12,6 +12,7 @@ from pathlib import Path
 
 from sonocal.errors import UnsupportedError
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.studies.definition import Cell, Study
 from sonocal.studies.scene import BLOCK_TRIALS
 from sonocal.studies.store import Store
@@ -33,6 +34,8 @@ class Workers:
 
     executor: Executor
     count: Callable[[], int]
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health, stated_scale
 from sonocal.recording.health import Progress
@@ -111,6 +112,8 @@ class Sweep:
     options: Options
     detector: Detector
     segments_mm: Array
+
+    __repr__ = brief
 
     @classmethod
     def of(cls, recording: Recording, lines: Sequence[Line], **options: Unpack[Keywords]) -> Sweep:

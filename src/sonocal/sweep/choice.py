@@ -25,6 +25,7 @@ from sonocal.errors import (
 )
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.sweep.candidates import Candidates, Mask
@@ -81,6 +82,8 @@ class CandidateCalibration:
     used: int
     reasons: dict[str, int]
     options: Options
+
+    __repr__ = brief
 
 
 def calibrate_candidates(

@@ -13,6 +13,7 @@ from sonocal.detection import Detections
 from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
@@ -39,6 +40,8 @@ class Posing:
     probe: str = "Probe"
     fixed: Fixed = None
     on_invalid: OnInvalid = "raise"
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         check_posing(self.probe, self.fixed, self.on_invalid)
@@ -94,6 +97,8 @@ class Sightings:
     observations: Observations
     kept: NDArray[np.bool_]
     diagnostics: tuple[Diagnostic, ...]
+
+    __repr__ = brief
 
 
 def tabulate(

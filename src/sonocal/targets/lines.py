@@ -10,6 +10,7 @@ import numpy as np
 
 from sonocal.errors import InputError, require
 from sonocal.geometry import Array, frozen, real_array
+from sonocal.geometry.shown import brief
 
 __all__ = ["Line", "Point", "check_lines", "require_lines"]
 
@@ -27,6 +28,8 @@ class Line:
     name: str
     frame: str
     segment_mm: Array
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         _check_names("line", self, "its ends are in")
@@ -51,6 +54,8 @@ class Point:
     name: str
     frame: str
     place_mm: Array
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         _check_names("point", self, "it is in")

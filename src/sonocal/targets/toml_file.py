@@ -30,6 +30,7 @@ from sonocal.files import path_of, write_atomically
 from sonocal.files.kinds import Format, Head
 from sonocal.files.toml import read_toml_text
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.targets.lines import Line, Point, check_lines
 
 __all__ = [
@@ -58,6 +59,8 @@ class Targets:
 
     lines: tuple[Line, ...]
     points: tuple[Point, ...] = ()
+
+    __repr__ = brief
 
 
 def read_targets(path: str | Path) -> Targets:

@@ -11,6 +11,7 @@ import numpy as np
 from sonocal.errors import InputError, SonocalError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.geometry.units import UNITS_CODE, Hint, needle_hints, tip_hints, unit_doubt
 from sonocal.recording import (
     Poses,
@@ -50,6 +51,8 @@ class Stylus:
     name: str
     tip_mm: Array
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class ToolCalibration:
@@ -68,6 +71,8 @@ class ToolCalibration:
     spin: SpinCalibration | None
     needle: NeedleCalibration | None
     diagnostics: tuple[Diagnostic, ...]
+
+    __repr__ = brief
 
 
 def calibrate_tool(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sonocal.calibration import Calibration
 from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.geometry import Array, area_places
+from sonocal.geometry.shown import brief
 from sonocal.registration.uncertainty import point_covariance, point_jacobian, radius_95
 
 __all__ = ["Comparison", "compare"]
@@ -39,6 +40,8 @@ class Comparison:
     allowed_mm: Array
     p_value: float
     shared_input: bool
+
+    __repr__ = brief
 
     @property
     def beyond(self) -> NDArray[np.bool_]:

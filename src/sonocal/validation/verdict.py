@@ -9,6 +9,7 @@ from sonocal.calibration import Calibration
 from sonocal.calibration.area import expected_errors
 from sonocal.calibration.held_out import FAR, is_far_off
 from sonocal.findings import Diagnostic, reading_order
+from sonocal.geometry.shown import brief
 from sonocal.validation.whole import Validation
 
 __all__ = ["SPOILING", "Verdict", "give_verdict"]
@@ -64,6 +65,8 @@ class Verdict:
     expectation: str
     reasons: tuple[str, ...] = ()
     codes: tuple[str, ...] = ()
+
+    __repr__ = brief
 
     @property
     def remark(self) -> str:

@@ -13,6 +13,7 @@ from sonocal.calibration import Calibration, evidence_of, line_distances
 from sonocal.calibration.held_out import held_out_findings
 from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.setup_checks import check_setup
 from sonocal.validation.crosswire import fixed_point_spread, reconstruction_accuracy
@@ -47,6 +48,8 @@ class Validation:
     repeatability: Repeatability | None = None
     source: str = ""
     sha256: str = ""
+
+    __repr__ = brief
 
     def __getitem__(self, code: str) -> Quantity:
         """The quantity of a code.
