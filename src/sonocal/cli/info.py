@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.help import command
 from sonocal.cli.options import (
     ANGLES,
     FILE,
@@ -39,7 +40,19 @@ Shown = tuple[Any, Callable[[], None]]
 """What --json prints, and what prints the rest."""
 
 
-@click.command(short_help="Show what is in a file, and what is wrong with it.")
+@command(
+    "Show what is in a file, and what is wrong with it.",
+    groups={
+        "Of recordings": ("poses", "angles", "markers", "latency_s", "quick"),
+        "What is shown": ("as_json",),
+    },
+    examples=(
+        "sonocal info sweep.igs.mha",
+        "sonocal info calibration.json --json",
+        "sonocal info needle.toml",
+        "sonocal info - < needle.csv",
+    ),
+)
 @click.argument("file", metavar="FILE", type=FILE)
 @POSES
 @ANGLES
