@@ -18,7 +18,12 @@ from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.export.plus import plus_xml
 from sonocal.recording import Poses, Recording
 from sonocal.recording.formats import write_recording
+from sonocal.report import report_html
 from sonocal.simulation.scene import simulate_observations
+from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+from sonocal.simulation.truth_file import truth_json
+from sonocal.simulation.ultrasound import BATH
+from sonocal.simulation.ultrasound_probe import curvilinear
 from tests.builders.recordings import random_recording
 from tests.builders.sound import TFM
 from tests.builders.targets import LINE, PHANTOM, POINT
@@ -40,6 +45,9 @@ COMMANDS = {
     "plus": ("info", "plus.xml"),
     "existing": ("validate", "plus.xml", "table.csv", "--compare", "ImageToProbe.tfm"),
     "difference": ("validate", "calibration.json", "table.csv", "--no-report", "--compare", "plus.xml"),
+    "truth": ("info", "truth.json"),
+    "page": ("info", "report.html"),
+    "results": ("info", "results"),
     "tool": ("tool", "pivot.igs.mha", "--spin", "spin.igs.mha", "--tool", "Needle"),
     "studies": ("study",),
     "study": ("study", "needles", "--trials", "3", "--no-figure", "-o", "study"),
@@ -69,6 +77,10 @@ def files(tmp_path_factory):
     (folder / "ImageToProbe.tfm").write_bytes(TFM)
     (folder / "targets.toml").write_text(LINE + POINT)
     (folder / "devices.xml").write_text(PHANTOM)
+    sweep = simulate_sweep(curvilinear(64, 64, 1.5), BATH, SweepOptions(frames=5, seed=2))
+    (folder / "truth.json").write_bytes(truth_json(sweep))
+    (folder / "report.html").write_bytes(report_html(sc.load(folder / "calibration.json")))
+    run("study", "needles", "--trials", "3", "--no-figure", "-o", str(folder / "results"), width=80)
     (folder / "points.csv").write_text("frame,u_px,v_px\n0,1,2\n")
     return folder
 

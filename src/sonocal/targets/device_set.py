@@ -183,7 +183,7 @@ FORMAT = Format(
     name="PLUS device set",
     kind="device set",
     suffixes=(".xml",),
-    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text,
+    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text and not head.is_page,
     read=read_device_set,
     holds="constant transforms, wires of a phantom; a wire that patterns share is one",
 )
