@@ -81,7 +81,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     Source: paper sections 5 to 9.
     """
     asked = Options.of(**options)
-    require(observations, Observations, "a table of sightings (see read_observations)")
+    require("observations", observations, Observations)
     rows, held_out = split_rows(observations, asked.fit_split, asked.test_split)
     return _calibrated(rows, held_out, asked)
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.calibration.options import Options
 from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sigma
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import FormatError, InputError, UnsupportedError
+from sonocal.errors import FormatError, InputError, UnsupportedError, require
 from sonocal.files import path_of, read_bytes, write_atomically
 from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.findings import Diagnostic, Findings
@@ -201,6 +201,7 @@ class Calibration:
 
 def calibration_json(calibration: Calibration) -> bytes:
     """The calibration as the text of its file."""
+    require("calibration", calibration, Calibration)
     transform = calibration.probe_from_image
     record = Record(
         format=FORMAT,

@@ -94,7 +94,7 @@ class Observations:
         for name in ("sigma_px", "sigma_mm"):
             if getattr(self, name) is not None:
                 self._set_column(name, getattr(self, name), np.float64)
-        require(self.extra, Mapping, "a mapping from names to columns, for extra,")
+        require("extra", self.extra, Mapping, "a mapping from names to columns")
         self._set("extra", {name: self._extra(name, column) for name, column in self.extra.items()})
         if self.image_size_px is not None:
             size = checked_size(self.image_size_px, self.dimension, f"{self.source}: image_size_px")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.errors import FormatError, InputError
+from sonocal.errors import FormatError, InputError, require
 from sonocal.files import path_of, read_bytes, write_atomically
 from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import (
@@ -98,6 +98,7 @@ def write_observations(observations: Observations, path: str | Path) -> None:
 
 def observations_csv(observations: Observations) -> bytes:
     """The table as the text of its CSV file."""
+    require("observations", observations, Observations)
     columns: dict[str, Iterable[object]] = {
         "frame": observations.frame.tolist(),
         "target": observations.target.tolist(),

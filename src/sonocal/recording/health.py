@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal.errors import require
 from sonocal.findings import Diagnostic
 from sonocal.geometry.shown import brief
 from sonocal.recording.lengths import unit_findings
@@ -83,6 +84,7 @@ class Summary:
 
 def summarize(recording: Recording, look_at_images: bool = True, progress: Progress | None = None) -> Summary:
     """What is in a recording, and what is wrong with it: see `health`."""
+    require("recording", recording, Recording)
     times = recording.times
     timed = len(times) > 1 and bool(np.isfinite(times).all())
     duration = float(times.max() - times.min()) if timed else None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
@@ -154,6 +154,7 @@ class Recording:
         Raises:
             InputError: there is no such tool, or several; the sentence names those there are.
         """
+        require("source", source, str, "the name of a tool")
         found = [
             poses
             for poses in self.poses.values()
@@ -211,7 +212,10 @@ class Recording:
 
     def select(self, rows: ArrayLike) -> Recording:
         """The recording of some items, given by a mask, a slice's range or indices."""
-        index = chosen(len(self), rows)
+        try:
+            index = chosen(len(self), rows)
+        except (IndexError, ValueError) as error:
+            raise InputError(f"{self.name}: rows must be a mask or indices of its items ({error})") from None
         return replace(
             self,
             times=self.times[index],

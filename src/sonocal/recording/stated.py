@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sonocal.errors import require
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 from sonocal.recording.model import Recording
@@ -43,6 +44,7 @@ def stated_scale(recording: Recording) -> StatedScale | None:
     PLUS's drivers of scanners write them, with the depth that is set, as the transform of the image to its transducer
     (``ImageToTransducerTransform``, EchoWave and others); files of images have them in their header.
     """
+    require("recording", recording, Recording)
     if recording.image is None:
         return None
     for poses in recording.poses.values():

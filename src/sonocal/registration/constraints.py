@@ -170,7 +170,7 @@ def rows(*parts: Rows) -> Rows:
     if not parts:
         raise InputError("there is no correspondence to put together; give rows of points, lines or planes")
     for part in parts:
-        require(part, Rows, "rows of correspondences (see point_line and its like)")
+        require("parts", part, Rows)
     if len(parts) == 1:
         return parts[0]
     starts = np.cumsum([0, *(len(p) for p in parts)])

@@ -14,7 +14,7 @@ import numpy as np
 
 from sonocal.calibration import Calibration
 from sonocal.calibration.diagnostics import describe_motion
-from sonocal.errors import UnsupportedError
+from sonocal.errors import UnsupportedError, require
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import scale_95, weakest_motion
@@ -50,6 +50,7 @@ def report_html(
     Raises:
         UnsupportedError: the extra ``sonocal[report]`` is not installed.
     """
+    require("calibration", calibration, Calibration)
     try:
         import jinja2
         import matplotlib as mpl

@@ -22,6 +22,7 @@ from sonocal.errors import (
     MirroredVolumeError,
     NoConsensusError,
     SonocalError,
+    require,
 )
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled
@@ -112,6 +113,7 @@ def calibrate_candidates(
         DegenerateGeometryError: the sightings leave a motion free.
         InputError: there are too few candidates, or an option means nothing.
     """
+    require("candidates", candidates, Observations)
     asked = Options.of(**options)
     refuse_splits(asked, "candidates are chosen first")
     return calibrate_chosen(candidates, asked, sightings or 0, look_again)

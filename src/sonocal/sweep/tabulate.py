@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.detection import Detections
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
@@ -123,6 +123,7 @@ def tabulate(
         InputError: a detection names no line or no frame of the recording, no chain of transforms leads from a line
             to the probe, or nothing is left.
     """
+    require("recording", recording, Recording)
     return tabulated(recording, lines, detections, (posing or Posing()).segments_mm(recording, lines))
 
 

@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from sonocal.errors import InputError, require
+from sonocal.errors import WORDS, InputError, require
 from sonocal.geometry import Array, frozen, real_array
 from sonocal.geometry.shown import brief
 
@@ -73,13 +73,13 @@ def require_lines(lines: object) -> None:
     """
     if isinstance(lines, (str, PurePath)):
         raise InputError(
-            f"a list of lines is needed; got the name {str(lines)[:80]!r}: read them from the file with "
+            f"lines must be a list of lines; got the name {str(lines)[:80]!r}: read them from the file with "
             "lines, fixed = sonocal.targets.read_lines(name)"
         )
-    require(lines, Sequence, "a list of lines (see read_lines)")
+    require("lines", lines, Sequence, WORDS["Line"])
     assert isinstance(lines, Sequence)
     for line in lines:
-        require(line, Line, "a list of lines (see read_lines)")
+        require("lines", line, Line)
 
 
 def check_lines(name: str, lines: Sequence[Line]) -> None:
@@ -93,7 +93,7 @@ def check_lines(name: str, lines: Sequence[Line]) -> None:
 
 def _check_names(kind: str, target: Line | Point, where: str) -> None:
     for text in (target.name, target.frame):
-        require(text, str, f"text for the name and the frame of a {kind}")
+        require(f"name and frame of a {kind}", text, str, "text")
     if not target.name or not target.frame:
         raise InputError(f"{kind} {target.name!r}: needs a name and the frame {where}")
     try:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sonocal.errors import InputError, SonocalError
+from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
@@ -184,6 +184,7 @@ def stylus_tip(path: str | Path, stylus: str) -> Array:
 
 def tool_toml(found: ToolCalibration, name: str) -> bytes:
     """What was found as the text of a ``.toml`` file: the needle as a line, a pivot's tip as a point."""
+    require("found", found, ToolCalibration)
     lines = [] if found.needle is None else [found.needle.line]
     tips = [point for point in found.points[:1] if isinstance(point, PivotCalibration)]
     points = [Point("tip", found.tool, tip.tip_mm) for tip in tips]

@@ -91,8 +91,8 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     Source: Hotelling's test of the difference of the two, whose errors are taken as independent, with the freedom that
     both covariances have: few sightings leave their size unsure.
     """
-    for one in (first, second):
-        require(one, Calibration, "a calibration (see load)")
+    require("first", first, Calibration)
+    require("second", second, Calibration)
     if first.dimension != second.dimension:
         raise InputError(
             f"the calibrations are of a {first.dimension}D and of a {second.dimension}D probe; compare two of one probe"

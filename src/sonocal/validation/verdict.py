@@ -8,6 +8,7 @@ from typing import Literal
 from sonocal.calibration import Calibration
 from sonocal.calibration.area import expected_errors
 from sonocal.calibration.held_out import FAR, is_far_off
+from sonocal.errors import require
 from sonocal.findings import Diagnostic, reading_order
 from sonocal.geometry.shown import brief
 from sonocal.validation.whole import Validation
@@ -82,6 +83,7 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
         calibration: with what it says of itself: its fit, its set-up, its held-out rows.
         validation: what other rows say of it.
     """
+    require("calibration", calibration, Calibration)
     warnings = [*calibration.warnings]
     warnings += [d for d in (validation.diagnostics if validation else ()) if d.severity == "warning"]
     why = [(finding.code, _sentence(finding)) for finding in warnings]

@@ -96,8 +96,8 @@ def validate(
     Raises:
         InputError: the rows do not fit the calibration.
     """
-    require(calibration, Calibration, "a calibration (see load)")
-    require(observations, Observations, "a table of sightings (see read_observations)")
+    require("calibration", calibration, Calibration)
+    require("observations", observations, Observations)
     if observations.dimension != calibration.dimension:
         raise InputError(
             f"{observations.source}: is of a {observations.dimension}D probe and the calibration of a "
@@ -145,6 +145,8 @@ def validate_points(calibration: Calibration, sightings: PointSightings) -> Vali
     Raises:
         InputError: the points do not fit the calibration.
     """
+    require("calibration", calibration, Calibration)
+    require("sightings", sightings, PointSightings)
     if sightings.points_px.shape[1] != calibration.dimension:
         raise InputError(
             f"{sightings.source}: is of a {sightings.points_px.shape[1]}D probe and the calibration of a "
