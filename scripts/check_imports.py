@@ -63,7 +63,7 @@ MOST_AT_THE_ROOT = 5
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {
     *("scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL", "dask"),
-    *("distributed", "c3d"),
+    *("pandas", "distributed", "c3d"),
 }
 LAZY_EXEMPT = {"cli": {"click"}, "cli.screen": {"click", "rich"}}
 

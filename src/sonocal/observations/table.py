@@ -10,21 +10,23 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError, require
 from sonocal.geometry import FURTHEST, Array, frozen, real_array
+from sonocal.observations.columns import SEGMENT_COLUMNS, arrays_of, dataframe_of
 from sonocal.observations.image_size import checked_size
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = [
     "Observations",
     "group_codes",
 ]
-
-SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
 
 COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
 """What has one entry a row."""
@@ -141,6 +143,28 @@ class Observations:
         }.items():
             table._set(name, column)
         return table
+
+    @classmethod
+    def from_dataframe(cls, frame: Any, source: str = "dataframe") -> Observations:
+        """A table of a data frame of pandas, or of another library, with the columns of the table's file.
+
+        Args:
+            frame: a row a point, ``u_px, v_px[, w_px]``, and the ends of its line, ``x0_mm ... z1_mm``; others as
+                `read_observations` has them.
+            source: the name that messages give the table.
+
+        Raises:
+            InputError: it is no data frame, a column is missing or holds what it must not, or as of the class.
+        """
+        return cls(**arrays_of(frame), source=source)
+
+    def to_dataframe(self) -> DataFrame:
+        """The table as a data frame of pandas: the columns of its file, with the image's size in columns of their own.
+
+        Raises:
+            UnsupportedError: pandas is not installed.
+        """
+        return dataframe_of(self)
 
     def with_sound(self, **columns: Any) -> Observations:
         """The table with other columns, which are taken as they are: rows of a sound table are sound."""
