@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal.calibration.in_session import InSession
 from sonocal.calibration.options import Options
 from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sigma
 from sonocal.calibration.statistics import ErrorStatistics
@@ -36,7 +37,7 @@ FAR_PX = 1e6
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(InSession):
     """The map from the image's pixels to the probe marker's frame, and how far to trust it.
 
     Attributes:

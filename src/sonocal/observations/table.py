@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError, require
 from sonocal.geometry import FURTHEST, Array, frozen, real_array
+from sonocal.geometry.cards import card, dots_svg
 from sonocal.observations.columns import SEGMENT_COLUMNS, arrays_of, dataframe_of
 from sonocal.observations.image_size import checked_size
 
@@ -112,6 +113,26 @@ class Observations:
             f"<Observations of a {self.dimension}D probe: {len(self)} rows, {frames} frames, {targets} "
             f"target{'s' if targets != 1 else ''}, from {self.source[:40]!r}>"
         )
+
+    def _repr_html_(self) -> str:
+        low, high = (
+            self.points_px.min(axis=0, initial=FURTHEST),
+            self.points_px.max(axis=0, initial=-FURTHEST),
+        )
+        corners = np.array([low, high] if self.image_size_px is None else [low * 0, self.image_size_px])[
+            :, :2
+        ]
+        splits = [str(name) or "(none)" for name in np.unique(self.split)]
+        rows = [
+            ("from", self.source[:80]),
+            ("frames", str(len(np.unique(self.frame)))),
+            ("targets", ", ".join(str(name) or "(none)" for name in np.unique(self.target)[:8])),
+            *([("splits", ", ".join(splits[:8]))] if splits != ["(none)"] else []),
+            *([("further columns", ", ".join(self.extra)[:80])] if self.extra else []),
+        ]
+        where = "in the image" if self.image_size_px else "in the area seen"
+        picture = dots_svg(corners, self.points_px, f"Where the needle was seen {where}") if len(self) else ""
+        return card(f"{len(self)} sightings for a {self.dimension}D probe", rows=rows, picture=picture)
 
     @property
     def dimension(self) -> int:

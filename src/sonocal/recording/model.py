@@ -13,11 +13,16 @@ from numpy.typing import ArrayLike
 from sonocal.errors import InputError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.cards import card
 from sonocal.geometry.shown import brief
 from sonocal.recording.frames import Frames, SelectedFrames, no_frames
 from sonocal.recording.poses import Mask, OnInvalid, Poses, chosen
+from sonocal.recording.thumbnail import thumbnail
 
 __all__ = ["ImageGeometry", "Provenance", "Recording"]
+
+# Rows of a card, of a kind.
+MOST_TOOLS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +138,23 @@ class Recording:
             "no images" if self.image is None else f"images of {' x '.join(map(str, self.image.size_px))} px"
         )
         return f"<Recording {self.name[:40]!r}: {len(self)} items, {images}, {len(self.poses)} tracked poses>"
+
+    def _repr_html_(self) -> str:
+        rows = [("from", self.provenance.format)]
+        if self.image is not None:
+            size = " x ".join(map(str, self.image.size_px))
+            rows.append(
+                ("images" if self.image.dimension == 2 else "volumes", f"{size} px, {self.image.dtype}")
+            )
+        rows += [
+            (poses.plus_name, f"{np.count_nonzero(poses.valid)} of {len(self)} poses valid")
+            for poses in list(self.poses.values())[:MOST_TOOLS]
+        ]
+        rows += [(one.severity, one.message) for one in self.diagnostics[:MOST_TOOLS]]
+        lasted = float(np.ptp(self.times)) if len(self) and np.isfinite(self.times).all() else None
+        text = f"{len(self)} items" + ("" if lasted is None else f" over {lasted:.1f} s")
+        picture = "" if self.image is None else thumbnail(self.frames, self.image.dimension)
+        return card(self.name[:80], text, rows, picture=picture)
 
     @property
     def name(self) -> str:

@@ -26,6 +26,7 @@ from sonocal.errors import (
 )
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.cards import card
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.robust import MINIMAL_ROWS
@@ -85,6 +86,11 @@ class CandidateCalibration:
     options: Options
 
     __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        left_out = "".join(f"; {count} {why}" for why, count in self.reasons.items() if count)
+        used = f"{self.used} of {self.sightings} sightings took part{left_out}"
+        return f"{self.calibration._repr_html_()}{card('', used)}"
 
 
 def calibrate_candidates(

@@ -10,6 +10,7 @@ from sonocal.calibration.area import expected_errors
 from sonocal.calibration.held_out import FAR, is_far_off
 from sonocal.errors import require
 from sonocal.findings import Diagnostic, reading_order
+from sonocal.geometry.cards import card
 from sonocal.geometry.shown import brief
 from sonocal.validation.whole import Validation
 
@@ -68,6 +69,11 @@ class Verdict:
     codes: tuple[str, ...] = ()
 
     __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        return card(
+            self.headline, self.expectation, zip(self.codes, self.reasons, strict=True), tone=self.level
+        )
 
     @property
     def remark(self) -> str:
