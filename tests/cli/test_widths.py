@@ -118,6 +118,23 @@ def test_paths_and_errors_are_one_line_each_however_narrow(files, tmp_path):
     assert refused.stderr.count("\n") == 1
 
 
+def test_colours_are_for_terminals_that_want_them(files, monkeypatch):
+    monkeypatch.chdir(files)
+    plain = run("info", "calibration.json", width=80).stdout
+    environment = {"COLUMNS": "80", "TERM": "xterm-256color", "FORCE_COLOR": "1"}
+    coloured = CliRunner(env=environment).invoke(main, ["info", "calibration.json"], color=True).stdout
+    bare = (
+        CliRunner(env=environment | {"NO_COLOR": "1"})
+        .invoke(main, ["info", "calibration.json"], color=True)
+        .stdout
+    )
+    colour, style = re.compile(r"\x1b\[[\d;]*3\d[\d;]*m"), re.compile(r"\x1b\[[\d;]*m")
+    assert "\x1b" not in plain
+    assert colour.search(coloured)
+    assert not colour.search(bare)
+    assert style.sub("", coloured) == style.sub("", bare) == plain
+
+
 def shown(what, width):
     out = io.StringIO()
     Console(file=out, width=width, highlight=False).print(what)
