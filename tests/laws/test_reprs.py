@@ -90,6 +90,7 @@ def shown(tmp_path_factory):
         "frames": frames,
         "some frames": frames[1:],
         "fit": fit_rows(rows, Options()),
+        "report": sc.report.Report(b"x" * 10**6),
         "detector": PointDetector(np.ones((300, 200), dtype=bool)),
         "store": Store(folder, load_study("needles"), "0"),
         **errors,
