@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from html import escape
 from threading import Lock
 from typing import Literal, overload
 
@@ -22,6 +24,11 @@ __all__ = [
 
 # Where the documentation has a section for each code of the three tables.
 PAGE = "docs/findings.md"
+
+# Of characters, in a line of a session.
+MOST_SHOWN = 200
+# What no page may hold.
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 # Codes of diagnostics, each with a title of one line.
 CODES = {
@@ -195,6 +202,17 @@ class Diagnostic:
     message: str
     advice: str
 
+    def __repr__(self) -> str:
+        return f"<Diagnostic {_cut(f'{self.severity} {self.code}: {self.message}')}>"
+
+    def _repr_html_(self) -> str:
+        head = "Warning" if self.severity == "warning" else "Note"
+        code, message, advice = (
+            escape(CONTROL.sub(" ", text))
+            for text in (self.code, _sentence(self.message), _sentence(self.advice))
+        )
+        return f'<div class="sonocal"><b>{head}</b> <code>{code}</code><br/>{message} <i>{advice}</i></div>'
+
     @property
     def anchor(self) -> str:
         """Where the documentation says more: page and section."""
@@ -204,6 +222,17 @@ class Diagnostic:
 def anchor_of(code: str) -> str:
     """The section of the documentation for a code of any of the tables; the page alone for another."""
     return f"{PAGE}#{code}" if code in {*CODES, *REFUSALS, *REASONS} else PAGE
+
+
+def _sentence(text: str) -> str:
+    """A message as it stands alone."""
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _cut(text: str) -> str:
+    """As much of a text as a line of a session has room for, without control characters."""
+    shown = repr(text)[1:-1]
+    return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."
 
 
 class Findings(Sequence[Diagnostic]):
@@ -253,7 +282,13 @@ class Findings(Sequence[Diagnostic]):
     __hash__ = None  # type: ignore[assignment]  # as of any sequence that may still grow
 
     def __repr__(self) -> str:
-        return repr(self.read())
+        warnings = sum(one.severity == "warning" for one in self)
+        codes = ", ".join(one.code for one in self) or "none"
+        return f"<Findings, {warnings} of {len(self)} to read before use: {_cut(codes)}>"
+
+    def _repr_html_(self) -> str:
+        items = "".join(f"<li>{one._repr_html_()}</li>" for one in self) or "<li>Nothing was found.</li>"
+        return f'<ul class="sonocal" style="text-align:left">{items}</ul>'
 
     def __reduce__(self) -> tuple[type[Findings], tuple[tuple[Diagnostic, ...]]]:
         return Findings, (self.read(),)

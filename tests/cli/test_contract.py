@@ -208,7 +208,7 @@ def test_the_groups_help_names_every_command(width):
 
 
 def test_the_groups_help_has_a_whole_line_for_every_command():
-    lines = run("--help").output.partition("Commands:\n")[2].splitlines()
+    lines = run("--help").output.partition("Commands:\n")[2].partition("\n\n")[0].splitlines()
     assert len(lines) == len(COMMANDS)
     for name, line in zip(COMMANDS, lines, strict=True):
         assert re.fullmatch(rf"  {name} +[A-Z].*[^.]\.", line), line

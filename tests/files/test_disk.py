@@ -145,8 +145,8 @@ def test_a_place_that_cannot_be_written_is_said(tmp_path):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        (None, "the name of a file is needed, as text or a Path; got None"),
-        (b"x", "the name of a file is needed, as text or a Path; got b'x'"),
+        (None, "path must be the name of a file, as text or a Path; got None"),
+        (b"x", "path must be the name of a file, as text or a Path; got b'x'"),
         ("a\0b", r"'a\x00b': no file can be called so, it holds a zero byte"),
         ("\ud800", r"'\ud800': no file can be called so, it holds half a character"),
     ],

@@ -13,7 +13,9 @@ from sonocal.cli.convert import convert
 from sonocal.cli.demo import demo
 from sonocal.cli.detection import COMMANDS
 from sonocal.cli.export import export
+from sonocal.cli.help import Commands
 from sonocal.cli.info import info
+from sonocal.cli.piped import without_spool
 from sonocal.cli.screen.plain import harmless
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
@@ -23,7 +25,7 @@ from sonocal.errors import SonocalError
 __all__ = ["main"]
 
 
-class _Commands(click.Group):
+class _Commands(Commands):
     """A group whose foreseen failures are one sentence and exit status 1; a bug keeps its traceback."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -31,7 +33,9 @@ class _Commands(click.Group):
             return super().invoke(ctx)
         except SonocalError as error:
             options = self.commands[ctx.invoked_subcommand].params if ctx.invoked_subcommand else []
-            raise click.ClickException(harmless(_in_options(str(error), options))) from None
+            raise click.ClickException(
+                harmless(without_spool(_in_options(str(error), options), ctx))
+            ) from None
 
 
 def _in_options(sentence: str, options: list[click.Parameter]) -> str:

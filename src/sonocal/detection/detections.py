@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["Detections", "order_within"]
 
@@ -47,6 +48,8 @@ class Detections:
     target: NDArray[np.str_] = field(default=_DEFAULT)
     images: int = field(default=_DEFAULT)
     source: str = "detections"
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         frame = np.asarray(self.frame)

@@ -27,7 +27,7 @@ def path_of(name: str | os.PathLike[str]) -> Path:
         InputError: it is no text, or none that a file could be called.
     """
     if not isinstance(name, (str, os.PathLike)) or not isinstance(text := os.fspath(name), str):
-        raise InputError(f"the name of a file is needed, as text or a Path; got {name!r}"[:200])
+        raise InputError(f"path must be the name of a file, as text or a Path; got {name!r}"[:200])
     try:
         os.fsencode(text)
     except UnicodeEncodeError:

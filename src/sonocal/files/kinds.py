@@ -22,7 +22,8 @@ from sonocal.files.text import decoded
 __all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "refuse_container", "suffixes_of"]
 
 Kind = Literal[
-    "calibration", "device set", "known points", "matrix", "observations", "points", "recording", "targets"
+    "calibration", "device set", "known points", "matrix", "observations", "page", "points", "recording", "study",
+    "targets", "truth"
 ]  # fmt: skip
 
 HEAD_BYTES = 4096
@@ -172,12 +173,10 @@ def recognise(head: Head, formats: Iterable[Format]) -> Format | None:
     A name counts where all formats that share its suffix are of one kind: ``.csv`` alone says nothing of a
     table among tables of several kinds.
     """
-    if head.is_page:
-        return None
-    formats = tuple(formats)
+    formats = tuple(one for one in formats if not head.is_page or one.kind == "page")
     if claimed := next((one for one in formats if one.sniff(head)), None):
         return claimed
-    if head.container and head.suffix not in PACKED:
+    if head.is_page or (head.container and head.suffix not in PACKED):
         return None
     named = [one for one in formats if head.suffix in one.suffixes]
     return named[0] if len({one.kind for one in named}) == 1 else None

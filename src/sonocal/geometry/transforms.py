@@ -185,7 +185,7 @@ class Similarity(AxisScaled):
         Raises:
             InputError: not 4 x 4, not finite, or not a scaled rotation beside a translation.
         """
-        array = np.asarray(matrix, dtype=float)
+        array = real_array("matrix", matrix)
         if array.shape[-2:] != (4, 4):
             raise InputError(f"a similarity needs a (..., 4, 4) matrix; got shape {array.shape}")
         if not np.array_equal(array[..., 3, :], np.broadcast_to([0, 0, 0, 1.0], array.shape[:-1])):

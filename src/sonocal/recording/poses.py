@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = [
     "FROZEN_RUN",
@@ -54,6 +55,8 @@ class Poses:
     matrices: Array
     valid: Mask
     status: tuple[str | None, ...] | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         if self.matrices.ndim != 3 or self.matrices.shape[1:] != (4, 4):

@@ -137,7 +137,7 @@ def register(
 
     Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
     """
-    require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
+    require("constraints", constraints, Rows)
     sigmas_mm = sigmas_of(sigma_mm)
     options = Options.known(
         "similarity",

@@ -14,11 +14,12 @@ import numpy as np
 
 from sonocal.calibration import Calibration
 from sonocal.calibration.diagnostics import describe_motion
-from sonocal.errors import UnsupportedError
+from sonocal.errors import UnsupportedError, require
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import scale_95, weakest_motion
 from sonocal.report import figures, views3d
+from sonocal.report.page_file import page_summary
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import DETECTED, RC, TRACKED
 from sonocal.validation import CANNOT_SHOW, Comparison, Validation, cannot_show, give_verdict
@@ -49,6 +50,7 @@ def report_html(
     Raises:
         UnsupportedError: the extra ``sonocal[report]`` is not installed.
     """
+    require("calibration", calibration, Calibration)
     try:
         import jinja2
         import matplotlib as mpl
@@ -62,10 +64,13 @@ def report_html(
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
+    made = datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
+    verdict, source = give_verdict(calibration, validation), _source(calibration)
     page = template.render(
         title=title,
-        source=_source(calibration),
-        verdict=give_verdict(calibration, validation),
+        source=source,
+        verdict=verdict,
+        summary=page_summary(made, source, verdict, calibration.probe_from_image.matrix),
         cal=calibration,
         validation=validation,
         comparison=comparison,
@@ -80,7 +85,7 @@ def report_html(
         detected_colour=DETECTED,
         tracked_colour=TRACKED,
         provenance=_provenance(calibration, validation),
-        made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+        made=made,
     )
     return page.encode()
 

@@ -15,6 +15,7 @@ from sonocal.files import path_of
 from sonocal.files.kinds import Format
 from sonocal.files.xml import parse_xml, read_xml
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.targets.lines import (
     Line,
     check_lines,
@@ -38,6 +39,8 @@ class Stated:
     error_mm: float | None = None
     date: str = ""
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class DeviceSet:
@@ -56,6 +59,8 @@ class DeviceSet:
     wires: tuple[Line, ...]
     patterns: tuple[tuple[str, ...], ...]
     stated: Mapping[tuple[str, str], Stated] = field(default_factory=dict)
+
+    __repr__ = brief
 
 
 def read_device_set(path: str | Path) -> DeviceSet:
@@ -178,7 +183,7 @@ FORMAT = Format(
     name="PLUS device set",
     kind="device set",
     suffixes=(".xml",),
-    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text,
+    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text and not head.is_page,
     read=read_device_set,
     holds="constant transforms, wires of a phantom; a wire that patterns share is one",
 )

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sonocal.errors import InputError, SonocalError
+from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.geometry.units import UNITS_CODE, Hint, needle_hints, tip_hints, unit_doubt
 from sonocal.recording import (
     Poses,
@@ -50,6 +51,8 @@ class Stylus:
     name: str
     tip_mm: Array
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class ToolCalibration:
@@ -68,6 +71,8 @@ class ToolCalibration:
     spin: SpinCalibration | None
     needle: NeedleCalibration | None
     diagnostics: tuple[Diagnostic, ...]
+
+    __repr__ = brief
 
 
 def calibrate_tool(
@@ -179,6 +184,7 @@ def stylus_tip(path: str | Path, stylus: str) -> Array:
 
 def tool_toml(found: ToolCalibration, name: str) -> bytes:
     """What was found as the text of a ``.toml`` file: the needle as a line, a pivot's tip as a point."""
+    require("found", found, ToolCalibration)
     lines = [] if found.needle is None else [found.needle.line]
     tips = [point for point in found.points[:1] if isinstance(point, PivotCalibration)]
     points = [Point("tip", found.tool, tip.tip_mm) for tip in tips]

@@ -18,6 +18,7 @@ from sonocal.files.tables import (
     parse_table,
 )
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["PLACE_COLUMNS", "POSE_COLUMNS", "PointSightings", "parse_point_sightings", "read_point_sightings"]
 
@@ -54,6 +55,8 @@ class PointSightings:
     frame: NDArray[np.int64] = _DEFAULT
     source: str = "points"
     sha256: str = ""
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         count = len(self.points_px)
