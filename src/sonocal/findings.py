@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
@@ -16,6 +17,7 @@ __all__ = [
     "Diagnostic",
     "Findings",
     "anchor_of",
+    "begun",
     "reading_order",
     "warnings_first",
 ]
@@ -199,6 +201,15 @@ class Diagnostic:
 def anchor_of(code: str) -> str:
     """The section of the documentation for a code of any of the tables; the page alone for another."""
     return f"{PAGE}#{code}" if code in {*CODES, *REFUSALS, *REASONS} else PAGE
+
+
+def begun(words: str) -> str:
+    """The words as the beginning of a sentence: a capital first, but for names of files and tools, and letters of axes.
+
+    A plain word is small letters up to a blank or a comma behind which the sentence goes on: ``sweep.igs.mha, frame 3``
+    and ``stylus: 2 of 9 poses`` keep their names' own spelling.
+    """
+    return words[0].upper() + words[1:] if re.match(r"a |[a-z][a-z'-]+(?:\.?$|,? )", words) else words
 
 
 class Findings(Sequence[Diagnostic]):

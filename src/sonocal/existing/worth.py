@@ -14,7 +14,7 @@ from sonocal.errors import InputError, SonocalError
 from sonocal.existing.difference import Difference, difference
 from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
-from sonocal.findings import Diagnostic, warnings_first
+from sonocal.findings import Diagnostic, begun, warnings_first
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.registration.options import Model
@@ -95,8 +95,7 @@ class Worth:
         parts = [f"this matrix has {_against(theirs, self.said)}"]
         if self.own is not None:
             parts.append(f"ours {_against(self.own.probe_from_image.scales, self.said)}")
-        by = self.said.by[0].upper() + self.said.by[1:]
-        return f"{by} says {given} mm/px: {', '.join(parts)}."
+        return f"{begun(self.said.by)} says {given} mm/px: {', '.join(parts)}."
 
 
 def worth_of(

@@ -15,6 +15,7 @@ import numpy as np
 from sonocal.calibration import Calibration
 from sonocal.calibration.diagnostics import describe_motion
 from sonocal.errors import UnsupportedError
+from sonocal.findings import begun
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import scale_95, weakest_motion
@@ -57,7 +58,7 @@ def report_html(
             f"the report needs {error.name}, which is not installed; pip install 'sonocal[report]', or --no-report"
         ) from None
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["typeset"] = _typeset
+    environment.filters |= {"typeset": _typeset, "begun": begun}
     template = environment.from_string(files("sonocal.report").joinpath("page.html").read_text("utf-8"))
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)

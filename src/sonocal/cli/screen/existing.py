@@ -16,6 +16,7 @@ from sonocal.existing import Existing, Matrices, meaning_of
 from sonocal.existing.difference import Difference
 from sonocal.existing.meaning import matrix_findings
 from sonocal.existing.worth import MATRIX_ALONE, Worth
+from sonocal.findings import begun
 from sonocal.geometry import Array, Similarity
 from sonocal.validation import CANNOT_SHOW, Quantity, give_verdict
 
@@ -74,8 +75,7 @@ def print_difference(console: Console, apart: Difference, title: str, *, said_al
 def remarks(existing: Existing) -> RenderableType:
     """What is odd about a matrix that goes from one program to another, or its scale."""
     u, v, _ = meaning_of(existing.matrix).scales_mm_per_px
-    name = existing.said[:1].upper() + existing.said[1:]
-    said = Text(f"{name}: {u:.5f} mm/px along u, {v:.5f} along v; no verdict is known of it.")
+    said = Text(f"{begun(existing.said)}: {u:.5f} mm/px along u, {v:.5f} along v; no verdict is known of it.")
     return Group(said, *map(finding, matrix_findings(existing)))
 
 
@@ -116,8 +116,7 @@ def tip_sentences(matrices: Matrices) -> list[str]:
 
 
 def _matrix(existing: Existing, *, numbers: bool = True) -> RenderableType:
-    said = existing.said[:1].upper() + existing.said[1:]
-    title = f"{said} ({existing.format}): mm in the probe marker's frame from px"
+    title = f"{begun(existing.said)} ({existing.format}): mm in the probe marker's frame from px"
     return Group(
         Text(title, style="bold"),
         *([MatrixRows(existing.matrix)] if numbers else []),
