@@ -83,6 +83,7 @@ CODES = {
     "region-scales": "parts of the image have mm/px of their own",
     "private-volumes": "volumes that are not read stand beside the pictures",
     "scan-converted": "a volume was brought from beams to cubes",
+    "constant-transforms": "a scene's transforms that stand once hold for all items",
     "motive-axes": "Motive's world has Y up",
     "time-unit": "times are not in seconds",
     "marker-fit": "how well markers fit a rigid body",
