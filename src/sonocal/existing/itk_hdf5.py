@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sonocal.errors import FormatError, UnsupportedError
-from sonocal.existing.hdf5_file import MAGIC, Damaged, Item, open_hdf5
 from sonocal.existing.itk_parts import Part, form_said, matrices_of_parts
 from sonocal.existing.matrix import Matrices
 from sonocal.files import file_size, read_at
+from sonocal.files.hdf5 import MAGIC, Damaged, Item, open_hdf5
 from sonocal.files.kinds import Format, Head
 
 __all__ = ["FORMAT", "read_itk_hdf5"]
@@ -37,7 +37,7 @@ def read_itk_hdf5(path: Path) -> Matrices:
             f"{path.name}: holds {size} bytes, more than any linear transform; save the linear one alone"
         )
     try:
-        root = open_hdf5(read_at(path, 0, size))
+        root = open_hdf5(path)
         group = root.members().get(GROUP)
         if group is None:
             raise FormatError(
