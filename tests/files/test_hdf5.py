@@ -5,7 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sonocal import FormatError, InputError, UnsupportedError
+from sonocal.cli.formats import calibration_in, format_of
 from sonocal.files.hdf5 import Damaged, open_hdf5
+from sonocal.recording.formats import read_recording
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed")
 FILTERS = [
@@ -41,6 +44,15 @@ def test_numbers_are_those_that_h5py_wrote(tmp_path_factory, shape, pieces, how,
     np.testing.assert_array_equal(found.rows(begin, begin + 1), numbers[begin : begin + 1])
 
 
+def test_a_single_number_has_no_rows(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["frames"] = file["tforms"] = 1.5
+    found = open_hdf5(tmp_path / "a.h5").members()["frames"].dataset()
+    assert (found.shape, found.slab_bytes, found.all().tolist()) == ((), 8, [1.5])
+    with pytest.raises(UnsupportedError, match=r"frames has shape \(\) float64"):
+        read_recording(tmp_path / "a.h5")
+
+
 def test_many_pieces_are_found_through_every_level_of_their_tree(tmp_path):
     numbers = np.arange(6000, dtype="u2").reshape(3000, 2)
     with h5py.File(tmp_path / "a.h5", "w") as file:
@@ -68,3 +80,29 @@ def test_what_is_stored_otherwise_is_said(tmp_path, how):
         file.create_dataset("numbers", data=np.ones((8, 4), "u1"), **how)
     with pytest.raises(Damaged, match=r"lie otherwise|filter 32000"):
         open_hdf5(tmp_path / "a.h5").members()["numbers"].dataset().all()
+
+
+def test_what_a_file_of_hdf5_holds_says_what_it_is(tmp_path):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["tforms"], file["more"] = np.ones((3, 4, 4)), 1.0
+    with h5py.File(tmp_path / "scan.h5", "w") as file:
+        for i in range(100):  # so many that none of the names stands in the first few kB
+            file[f"{i:0400d}"] = np.ones(9)
+        file["frames"], file["tforms"] = np.ones((3, 4, 5), "u1"), np.tile(np.eye(4), (3, 1, 1))
+    with h5py.File(tmp_path / "matrix.h5", "w") as file:
+        file["TransformGroup/0/TransformType"] = [b"AffineTransform_double_3_3"]
+        file["frames"] = 1.0
+    assert format_of(tmp_path / "scan.h5").name == "TUS-REC scan"
+    assert format_of(tmp_path / "matrix.h5").kind == "matrix"
+    with pytest.raises(UnsupportedError) as caught:
+        format_of(tmp_path / "other.h5")
+    assert str(caught.value) == (
+        "other.h5: is HDF5 that holds more, tforms; what is read of it are transforms of ITK and 3D Slicer "
+        "(TransformGroup) and scans of TUS-REC (frames, tforms)"
+    )
+    with pytest.raises(
+        FormatError, match=r"matrix\.h5: is a matrix, such as a calibration of other software"
+    ):
+        read_recording(tmp_path / "matrix.h5")
+    with pytest.raises(InputError, match=r"scan\.h5: is a recording; name the calibration"):
+        calibration_in(tmp_path / "scan.h5")

@@ -8,7 +8,7 @@ from pathlib import Path
 from sonocal.errors import FormatError, UnsupportedError
 from sonocal.existing.itk_parts import Part, form_said, matrices_of_parts
 from sonocal.existing.matrix import Matrices
-from sonocal.files import file_size, read_at
+from sonocal.files import file_size
 from sonocal.files.hdf5 import MAGIC, Damaged, Item, open_hdf5
 from sonocal.files.kinds import Format, Head
 
@@ -20,8 +20,6 @@ PARAMETERS = ("TransformParameters", "TranformParameters")
 FIXED = ("TransformFixedParameters", "TranformFixedParameters")
 # A matrix takes a few kB; displacement fields take more, and are none.
 SIZE_LIMIT = 16 << 20
-# Of a file with a matrix: all of it; names stand behind the first pieces of text.
-NAMES_WITHIN = 64 << 10
 
 
 def read_itk_hdf5(path: Path) -> Matrices:
@@ -67,12 +65,9 @@ def _numbers(members: dict[str, Item], names: tuple[str, ...]) -> list[float]:
 
 
 def _sniff(head: Head) -> bool:
-    """Whether it is HDF5 that names the group of transforms: other programs keep other things in such files."""
-    if not head.content.startswith(MAGIC):
-        return False
-    return GROUP.encode() in head.content or (
-        head.path.is_file() and GROUP.encode() in read_at(head.path, 0, NAMES_WITHIN)
-    )
+    # Other programs keep other things in such files. A damaged one may still name what it held.
+    named = head.content.startswith(MAGIC) and GROUP.encode() in head.content
+    return GROUP in head.hdf5_names or (named and not head.hdf5_names)
 
 
 FORMAT = Format(

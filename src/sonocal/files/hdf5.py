@@ -10,6 +10,7 @@ Source: "HDF5 File Format Specification Version 3.0", The HDF Group; section num
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 from sonocal.files.hdf5_bytes import UNDEFINED, Bytes
@@ -26,7 +27,7 @@ from sonocal.files.hdf5_parts import (
     unpacked,
 )
 
-__all__ = ["MAGIC", "Damaged", "Dataset", "Item", "open_hdf5"]
+__all__ = ["MAGIC", "Damaged", "Dataset", "Item", "names_in", "open_hdf5"]
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 # Of messages (IV.A.2) that matter here.
@@ -34,6 +35,7 @@ DATASPACE, LINK_INFO, DATATYPE, LINK, EXTERNAL = 1, 2, 3, 6, 7
 LAYOUT, FILTERS, ATTRIBUTE, SYMBOLS = 8, 11, 12, 17
 FLOAT, VIRTUAL = "f", 3
 MOST_NUMBERS = 64
+MOST_NAMES = 10_000
 
 
 def open_hdf5(path: Path) -> Item:
@@ -57,6 +59,14 @@ def open_hdf5(path: Path) -> Item:
     return Item(file, root)
 
 
+def names_in(path: Path) -> frozenset[str]:
+    """What a file holds, by name; nothing where it is no HDF5, or damaged."""
+    try:
+        return frozenset(islice(open_hdf5(path).names(), MOST_NAMES))
+    except Damaged:
+        return frozenset()
+
+
 class Item:
     """A group or a dataset.
 
@@ -72,6 +82,10 @@ class Item:
     def members(self) -> dict[str, Item]:
         """What a group holds, by name; links to elsewhere are left out. Nothing of a dataset."""
         return {name: Item(self._file, address) for name, address in self._links()}
+
+    def names(self) -> Iterator[str]:
+        """The names of a group's members."""
+        return (name for name, _ in self._links())
 
     def numbers(self) -> list[float]:
         """The numbers of a dataset; none of one that has too many for a matrix.

@@ -60,7 +60,12 @@ class Dataset:
         else:
             self._rank, self._address = rest[0], unpacked("<Q", rest[1:])[0]
             *self.piece_shape, size = unpacked(f"<{self._rank}I", rest[9:])
-            if len(self.piece_shape) != len(shape) or size != dtype.itemsize or 0 in self.piece_shape:
+            if (
+                not shape
+                or len(self.piece_shape) != len(shape)
+                or size != dtype.itemsize
+                or 0 in self.piece_shape
+            ):
                 raise Damaged("its pieces are not of its shape")
         self._slab: tuple[int, Numbers] | None = None
 
@@ -97,7 +102,7 @@ class Dataset:
     def slab_bytes(self) -> int:
         """Bytes that are held at once to read a row: those of all pieces that it is in."""
         if self._how != CHUNKED:
-            return self.size // max(self.shape[0], 1)
+            return self.size // max(*self.shape[:1], 1, 1)
         rounded = (n * size for n, size in zip(self._grid[1:], self.piece_shape[1:], strict=True))
         return self.piece_shape[0] * math.prod(rounded) * self.dtype.itemsize
 

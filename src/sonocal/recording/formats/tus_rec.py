@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sonocal.errors import FormatError, InputError, UnsupportedError
-from sonocal.files.hdf5 import MAGIC, Damaged, Dataset, Item, open_hdf5
+from sonocal.files.hdf5 import Damaged, Dataset, Item, open_hdf5
 from sonocal.files.kinds import Format, Head
 from sonocal.recording.formats.parts.layout import COUNT_LIMIT
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
@@ -118,11 +118,7 @@ def _dataset(name: str, members: dict[str, Item], key: str) -> Dataset:
 
 def _sniff(head: Head) -> bool:
     # Other programs keep other things in such files: transforms of ITK, for one.
-    return (
-        head.content.startswith(MAGIC)
-        and FRAMES.encode() in head.content
-        and TRANSFORMS.encode() in head.content
-    )
+    return {FRAMES, TRANSFORMS} <= head.hdf5_names
 
 
 FORMAT = Format(
