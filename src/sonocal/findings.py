@@ -18,6 +18,7 @@ __all__ = [
     "Diagnostic",
     "Findings",
     "anchor_of",
+    "begun",
     "reading_order",
     "warnings_first",
 ]
@@ -89,6 +90,7 @@ CODES = {
     "region-scales": "parts of the image have mm/px of their own",
     "private-volumes": "volumes that are not read stand beside the pictures",
     "scan-converted": "a volume was brought from beams to cubes",
+    "constant-transforms": "a scene's transforms that stand once hold for all items",
     "motive-axes": "Motive's world has Y up",
     "time-unit": "times are not in seconds",
     "marker-fit": "how well markers fit a rigid body",
@@ -226,13 +228,22 @@ def anchor_of(code: str) -> str:
 
 def _sentence(text: str) -> str:
     """A message as it stands alone."""
-    return f"{text[:1].upper()}{text[1:]}."
+    return f"{begun(text)}."
 
 
 def _cut(text: str) -> str:
     """As much of a text as a line of a session has room for, without control characters."""
     shown = repr(text)[1:-1]
     return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."
+
+
+def begun(words: str) -> str:
+    """The words as the beginning of a sentence: a capital first, but for names of files and tools, and letters of axes.
+
+    A plain word is small letters up to a blank or a comma behind which the sentence goes on: ``sweep.igs.mha, frame 3``
+    and ``stylus: 2 of 9 poses`` keep their names' own spelling.
+    """
+    return words[0].upper() + words[1:] if re.match(r"a |[a-z][a-z'-]+(?:\.?$|,? )", words) else words
 
 
 class Findings(Sequence[Diagnostic]):

@@ -203,10 +203,9 @@ def touch(result: Any) -> None:
                 ) if result is not None else None
 
 
-def call(core: ModuleType, seed: int, number: int) -> bool:
+def call(core: ModuleType, seed: int, number: int, name: str) -> bool:
     """Make one call; whether it was answered."""
     random = np.random.default_rng([seed, number])
-    name = list(CALLS)[number % len(CALLS)]
     try:
         touch(CALLS[name](Hostile(core, random)))
     except REFUSALS as error:

@@ -26,7 +26,7 @@ from tests.builders.bags import messages_for, small_sweep, write_bag
 from tests.builders.kretz import kretz_bytes, some_toroid
 from tests.builders.pictures import PHILIPS_CLASS, dicom_file, images, items, palette, plane, volume_file
 from tests.builders.recordings import random_pixels, random_poses, random_recording
-from tests.builders.scenes import image_sequence, transform_sequence, write_scene
+from tests.builders.scenes import image_sequence, scene_document, transform_sequence, write_scene
 from tests.builders.tables import matrices_in, motive
 from tests.builders.targets import LINE, PHANTOM, POINT
 from tests.builders.trackers import (
@@ -187,8 +187,9 @@ def scenes(folder):
         "Image.seq.nrrd": image_sequence(range(3), pixels),
         "ProbeToTracker.seq.mha": transform_sequence("ProbeToTracker", range(3), poses),
     }
+    constant = [("StylusTipToStylus", poses[0]), ("ProbeToTracker", poses[1]), ("LinearTransform", poses[2])]
     for name in ("a.mrb", "b.mrml"):
-        write_scene(folder / name, files)
+        write_scene(folder / name, files, scene_document(files, "Data/" if name == "a.mrb" else "", constant))
     return [folder / "a.mrb", folder / "b.mrml"]
 
 

@@ -92,7 +92,7 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
     "-o",
     "--output",
     type=WRITTEN,
-    help=f"Folder for {PAGE}.  [default: CALIBRATION's]",
+    help=f"Folder for {PAGE}.  [default: CALIBRATION's; none of a matrix of other software]",
 )
 @click.option("--split", metavar="NAME", help="Take the rows of this split as held out.")
 @click.option("--crosswire", is_flag=True, help="INPUT is a table of points.  [default: by its columns]")
@@ -161,7 +161,8 @@ def validate(
     )
     found = calibration_in(calibration, choice)
     folder = folder_of(calibration) if output is None else output
-    if report and not isinstance(found, Existing):
+    page = folder / PAGE if report and (output is not None or not isinstance(found, Existing)) else None
+    if page is not None:
         _reserve_page(folder, calibration)
     others = [None if path is None else calibration_in(path, choice) for path in (compare, expected)]
     refuse_choice(found, *others)
@@ -169,7 +170,7 @@ def validate(
     measured = read_measured(source, lines, recorded, found, **how)
     if isinstance(found, Existing):
         of_matrix = {name: options[name] for name in ("split", "scanner_mm_per_px")}
-        validate_existing(found, others[0], measured, **of_matrix, as_json=as_json)
+        validate_existing(found, others[0], measured, **of_matrix, page=page, as_json=as_json)
         return
     expectation = others[1] or others[0]
     options["expected_rotation"] = None if expectation is None else rotation_of(expectation)

@@ -145,7 +145,9 @@ def checked(where: str, matrix: Array, name: str = "", **more: Any) -> Stored:
             "numbers in another order?"
         )
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
-    if not abs(np.linalg.det(matrix[:3, :3])) > FLAT * np.prod(lengths):
+    with np.errstate(divide="ignore"):
+        volume = abs(np.linalg.det(matrix[:3, :3]))
+    if not volume > FLAT * np.prod(lengths):
         raise InputError(
             f"{where}: its matrix cannot be inverted: it maps an image to a line, or has a column of zeros; where the "
             "third column is missing, put the cross product of the first two there, as long as they are"

@@ -109,6 +109,7 @@ def _plain_kind(head: Head) -> Kind | None:
         "targets": head.suffix == ".toml" and head.text.startswith((b"[", b"#")),
         "calibration": head.text.startswith(b"{"),
         "device set": b"<PlusConfiguration" in head.text,
+        "matrix": "TransformGroup" in head.hdf5_names,
         "recording": head.text.startswith((b"NRRD0", b"ObjectType", b"NDims")),
     }
     return next((kind for kind, shown in signs.items() if shown), None)

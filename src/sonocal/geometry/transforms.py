@@ -286,7 +286,8 @@ def _check_parts(rotation: Array, translation: Array, scale: Array) -> None:
         return
     if not (np.all(np.isfinite(translation)) and np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise InputError("a similarity needs a finite translation and a positive scale")
-    deviation = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(initial=0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(initial=0.0)
     if not deviation <= ORTHOGONALITY_TOLERANCE or not np.all(np.linalg.det(rotation) > 0):
         raise InputError(
             f"a similarity needs a rotation; this matrix is off by {deviation:.2g} from orthonormal or mirrors"

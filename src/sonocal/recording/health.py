@@ -155,7 +155,7 @@ def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
         yield _warning(
             "gaps",
             f"{len(gaps)} {what} longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
-            f"{1000 * steps[widest]:.0f} ms after frame {widest}",
+            f"{1000 * float(steps[widest]):.0f} ms after frame {widest}",
             "poses are not interpolated across long gaps; check the recorder's load",
         )
 

@@ -44,6 +44,10 @@ from sonocal.tools.spin import (
 __all__ = ["Stylus", "ToolCalibration", "calibrate_tool", "pivot_doubts", "stylus_tip", "tool_toml"]
 
 
+# Poses that tell whether a pivot is in mm.
+ENOUGH_POSES = 400
+
+
 @dataclass(frozen=True, eq=False)
 class Stylus:
     """What touches the tool: the name of its marker, and its tip (3,) mm in that marker's frame."""
@@ -158,6 +162,7 @@ def _needle_doubts(tool: str, needle: NeedleCalibration | None) -> Iterator[Diag
 
 def pivot_doubts(recording: Recording) -> list[Diagnostic]:
     """The doubt that a recording of nothing but a pivot is in mm; none of what is no pivot."""
+    recording = recording.select(np.arange(0, len(recording), 1 + len(recording) // ENOUGH_POSES))
     for poses in [] if recording.image is not None else recording.poses.values():
         try:
             pivot = calibrate_tool(poses.source, recording, on_invalid="skip")

@@ -118,12 +118,14 @@ class PointSightings:
         if self.tracker_from_probe is None:
             return
         rotation = self.tracker_from_probe[:, :3, :3]
-        off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
-        bad = np.flatnonzero((off > NOT_RIGID) | (np.linalg.det(rotation) < 0))
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
+            determinants = np.linalg.det(rotation)
+        bad = np.flatnonzero(~(off <= NOT_RIGID) | (determinants < 0))
         if len(bad):
             raise InputError(
                 f"{self.source}, row {bad[0]}: the pose is not rigid (off by {off[bad[0]]:.2g}, "
-                f"det {np.linalg.det(rotation[bad[0]]):.2f}); check the order of its columns"
+                f"det {determinants[bad[0]]:.2f}); check the order of its columns"
             )
 
 

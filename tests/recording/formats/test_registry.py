@@ -134,7 +134,6 @@ def test_a_video_is_known_by_its_content_and_joined_with_its_table(tmp_path, suf
         ("video", "av", "io"),
         ("DICOM", "pydicom", "io"),
         ("image", "PIL.Image", "io"),
-        ("TUS-REC scan", "h5py", "io"),
         ("ROS bag", "rosbags", "ros"),
     ],
 )

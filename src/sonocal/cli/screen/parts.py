@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sonocal.calibration import Calibration
-from sonocal.findings import Diagnostic
+from sonocal.findings import Diagnostic, begun
 from sonocal.validation import CANNOT_SHOW, Verdict, cannot_show
 
 __all__ = ["finding", "print_findings", "standing", "verdict_text"]
@@ -30,7 +30,7 @@ def finding(found: Diagnostic, *, advised: bool = True) -> RenderableType:
     warning = found.severity == "warning"
     head = Text("warning " if warning else "note ", style="bold yellow" if warning else "bold cyan")
     head.append(found.code, style="dim")
-    body = Text(found.message[0].upper() + found.message[1:] + ".")
+    body = Text(begun(found.message) + ".")
     advice = Text("What to do: " + found.advice + ".", style="italic")
     said = (body, advice) if advised else (body,)
     return Group(head, *(Padding(text, (0, 0, 0, 2), expand=False) for text in said))

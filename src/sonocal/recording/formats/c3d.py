@@ -17,6 +17,7 @@ from sonocal.files import file_size
 from sonocal.files.kinds import Format, Head
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.packages import needed
+from sonocal.recording.formats.parts.pose_columns import in_mm
 from sonocal.recording.markers import Markers, bodies_from_markers
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import by_name
@@ -65,7 +66,7 @@ def read_c3d(path: Path, markers: Markers = ()) -> Recording:
     if not 0 < rate < np.inf:
         raise InputError(f"{path.name}: {rate:g} frames a second is no rate; export it again")
     name, mm = UNITS[unit]
-    found = {label: mm * places[:, i] for i, label in enumerate(labels[: places.shape[1]])}
+    found = {label: in_mm(places[:, i], mm) for i, label in enumerate(labels[: places.shape[1]])}
     poses, notes = bodies_from_markers(found, markers, path.name)
     return Recording(
         times=np.arange(len(places)) / rate,
