@@ -12,6 +12,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import site_parts
+from pygments.lexers.special import TextLexer
 
 from sonocal import __version__
 
@@ -44,6 +45,7 @@ nitpick_ignore_regex = [(r"py:obj", r".*")]
 
 def setup(app: Any) -> None:
     """What Sphinx is to do beside its own."""
+    app.add_lexer("csv", TextLexer)
     app.connect("source-read", site_parts.inside)
     app.connect("missing-reference", site_parts.documented_elsewhere)
     app.connect("autodoc-process-docstring", site_parts.docstring)

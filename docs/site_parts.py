@@ -10,9 +10,11 @@ from sphinx.util.nodes import make_refnode
 
 # What pages link to beside docs/, and the page of the site that includes it.
 BESIDE = {
+    "../README.md#try-it": "install.md",
     "../README.md": "index.md",
     "../CONTRIBUTING.md": "contributing.md",
     "../CHANGELOG.md": "changelog.md",
+    "../examples/README.md": "examples.md",
 }
 # Types that other libraries define: their sites are not at hand without a network.
 THEIRS = re.compile(
@@ -59,7 +61,9 @@ def docstring(app: Any, what: str, name: str, one: Any, options: Any, lines: lis
         re.sub(r"^( +\w+(?:, \w+)+):", lambda m: m[0] if "Error" in m[0] else m[0].replace(", ", "/"), line)
         for line in plain
     ]
-    kind = "method" if what == "property" else what  # else a colon in its first line would end a type
+    kind = (
+        "method" if what in ("property", "attribute", "data") else what
+    )  # else a colon in its first line would end a type
     lines[:] = str(GoogleDocstring(joined, GOOGLE, app, kind, name, one, options)).splitlines()
 
 

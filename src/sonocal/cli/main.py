@@ -14,6 +14,7 @@ from sonocal.cli.demo import demo
 from sonocal.cli.detection import COMMANDS
 from sonocal.cli.export import export
 from sonocal.cli.info import info
+from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
@@ -51,5 +52,5 @@ def main() -> None:
     """
 
 
-for _command in (demo, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
+for _command in (demo, sample, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
     main.add_command(_command)
