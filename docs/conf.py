@@ -29,7 +29,7 @@ nitpicky = True
 
 # Anchors of headings are those that GitHub makes, so that links work in both places.
 myst_heading_anchors = 4
-myst_enable_extensions = ["attrs_block"]
+myst_enable_extensions = ["tasklist"]
 # Blocks that begin in the middle of a page are highlighted as what they say they are, or not at all.
 highlight_language = "text"
 
