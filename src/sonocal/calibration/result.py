@@ -105,6 +105,11 @@ class Calibration:
         return "image" if self.area_is_image else "area seen"
 
     @property
+    def accepted(self) -> tuple[Array, float, str]:
+        """The area (2, d), the error (95 %) that is accepted at its corners, mm, and what messages call the area."""
+        return self.area_px, self.options.tolerance_mm, self.area_name
+
+    @property
     def threshold_mm(self) -> float:
         """Rows within this distance of their lines agree."""
         threshold = self.options.threshold_mm
