@@ -40,6 +40,7 @@ NOT_RUN = {
     "python -m pip install build": "needs the package index",
     "python -m build": "compiles for minutes",
     "python -m sphinx -W -b html docs docs/_build": "scripts/check does",
+    ".venv/bin/python scripts/check_site.py docs/_build": "scripts/check does",
     "pip install atheris": "needs the package index",
     "scripts/demo": "makes an environment and compiles; tests/test_readme.py runs its command",
     "python scripts/fuzz.py --seconds 600": "takes ten minutes",
