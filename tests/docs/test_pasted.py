@@ -120,9 +120,9 @@ def test_files_on_pages_can_be_read(page):
 def test_nothing_to_paste_escapes_these_tests(page):
     """Blocks are fenced, and a command is a line without prompt or remark: as it stands it is pasted into any shell."""
     text = text_of(page)
-    assert not re.findall(
-        r"(?<=\n\n) {4,}(?:sonocal|python|pip|scripts|import|from) .*", outside_of_blocks(text)
-    )
+    typed = r"(?:sonocal|python|pip|scripts|import|from) "
+    assert not re.search(rf"\n\n {{4,}}{typed}", outside_of_blocks(text))
+    assert not any(re.search(rf"^{typed}", block, flags=re.MULTILINE) for block in of_kind(text, "text"))
     for line in commands_in(text):
         assert not re.search(r"\s{2}|\s#|^[#$>]|\\$", line), line
 
