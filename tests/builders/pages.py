@@ -14,7 +14,6 @@ from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear
-from tests.builders.page_recordings import write_recordings
 from tests.builders.recordings import random_poses
 from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
 
@@ -40,7 +39,6 @@ def write_swept(folder):
     options = SweepOptions(frames=60, rate_hz=8, sigma_px=0.5, sigma_mm=0.3, seed=2)
     sweep = simulate_sweep(curvilinear(250, 250, 0.48), BATH, options)
     write_sweep(sweep, folder)
-    write_recordings(sweep.recording, folder)
     frames = np.flatnonzero(sweep.truth.visible)
     rows = [f"{i},{u},{v}" for i, (u, v) in zip(frames, sweep.truth.points_px[frames], strict=True)]
     (folder / "points.csv").write_text("\n".join(["frame,u_px,v_px", *rows]) + "\n")

@@ -11,8 +11,10 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner
 
+import sonocal as sc
 from sonocal.cli.main import main
 from sonocal.observations import parse_observations
+from tests.builders.page_recordings import write_recordings
 from tests.builders.pages import copy_of, write_files
 from tests.builders.pasted import (
     PAGES,
@@ -91,6 +93,8 @@ def test_a_page_runs_from_top_to_bottom(page, files, tmp_path, monkeypatch):
     """Commands and Python one after the other: each finds the files as they were and what those before it made."""
     monkeypatch.chdir(copy_of(files, tmp_path))
     monkeypatch.setenv("MPLBACKEND", "agg")
+    if page.name == "your-data.md":
+        write_recordings(sc.read_recording("sweep.igs.mha"), tmp_path)
     names = {"__name__": "__main__"}
     for block in blocks_in(text_of(page)):
         if block.kind == "sh":
