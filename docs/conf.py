@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import site_parts
 from pygments.lexers.special import TextLexer
+from sphinx.domains.python import PyObject
 
 from sonocal import __version__
 
@@ -46,6 +47,9 @@ nitpick_ignore_regex = [(r"py:obj", r".*")]
 def setup(app: Any) -> None:
     """What Sphinx is to do beside its own."""
     app.add_lexer("csv", TextLexer)
+    for field in PyObject.doc_field_types:
+        if field.name == "variable":  # what Google's docstrings call them
+            field.label = "Attributes"
     app.connect("source-read", site_parts.inside)
     app.connect("missing-reference", site_parts.documented_elsewhere)
     app.connect("autodoc-process-docstring", site_parts.docstring)

@@ -36,6 +36,13 @@ ARRAYS = [
         re.compile(r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?([\w.]+)\]\]"),
         r"NDArray[\1]",
     ),
+    # What NumPy calls ArrayLike: from "_Buffer" or "_SupportsArray" to "_NestedSequence[complex | bytes | str]".
+    (
+        re.compile(
+            r"(~?[\w.]+\._Buffer \| )?~?[\w.]+\._SupportsArray\[.*?_NestedSequence\[complex \| bytes \| str\]"
+        ),
+        "ArrayLike",
+    ),
     (re.compile(r", _\w+: .*? = <[^>]*>(?=[,)])"), ""),
     (re.compile(r"<factory>|<class '\w+'>"), "..."),
 ]
