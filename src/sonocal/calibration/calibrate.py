@@ -24,6 +24,7 @@ from sonocal.findings import Findings
 from sonocal.observations import Observations
 from sonocal.observations.outside import outside_findings
 from sonocal.registration.ambiguity import beside_rival
+from sonocal.registration.certificate import LazyCertificate, certificate_of
 from sonocal.registration.degeneracy import refuse_apparent
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import estimate_noise
@@ -105,8 +106,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         test=held_out_errors(fit.transform, held_out, fit.threshold_mm),
         residuals_mm=fit.residuals_mm,
         inlier=fit.inlier,
-        diagnostics=(),
         options=used,
+        _certificate=LazyCertificate(partial(certificate_of, table, fit)),
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, used)},
     )
 
