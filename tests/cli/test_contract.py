@@ -159,6 +159,7 @@ def test_a_study_that_is_none_is_refused(here, kind):
         (["export", "calibration.json", "--to", "plus"], "missing/a.xml"),
         (["export", "calibration.json", "--to", "itk"], "missing/a.tfm"),
         (["simulate", "--frames", "1"], "file"),
+        (["sample"], "file"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else value,
 )

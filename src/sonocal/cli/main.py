@@ -16,6 +16,7 @@ from sonocal.cli.export import export
 from sonocal.cli.help import Commands
 from sonocal.cli.info import info
 from sonocal.cli.piped import without_spool
+from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
@@ -55,5 +56,5 @@ def main() -> None:
     """
 
 
-for _command in (demo, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
+for _command in (demo, sample, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
     main.add_command(_command)
