@@ -1,5 +1,6 @@
 """The command line, in process and as a real one."""
 
+import errno
 import json
 import os
 import subprocess
@@ -225,7 +226,7 @@ def test_output_that_cannot_be_written_is_said(table, tmp_path):
     assert result.exit_code == 1
     assert (
         result.stderr
-        == f"Error: {tmp_path / 'file'}: cannot be made a folder (File exists); choose another place\n"
+        == f"Error: {tmp_path / 'file'}: cannot be made a folder ({os.strerror(errno.EEXIST)}); choose another place\n"
     )
     assert (tmp_path / "file").read_text() == "in the way"
 

@@ -47,14 +47,14 @@ def report_html(
         title: of the page.
 
     Raises:
-        UnsupportedError: the extra ``sonocal[report]`` is not installed.
+        UnsupportedError: matplotlib or jinja2 is not installed.
     """
     try:
         import jinja2
         import matplotlib as mpl
     except ImportError as error:
         raise UnsupportedError(
-            f"the report needs {error.name}, which is not installed; pip install 'sonocal[report]', or --no-report"
+            f"the report needs {error.name}, which is not installed; pip install matplotlib jinja2, or --no-report"
         ) from None
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters["typeset"] = _typeset
