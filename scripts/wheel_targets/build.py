@@ -10,10 +10,10 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from headers import import_library, include_folder
+from headers import import_libraries, include_folder
 from macos import linker_variables
 from targets import FLOOR, STABLE, TARGETS, Target
-from tools import ROOT, WORK, WheelError, run, tools, zig
+from tools import ROOT, WORK, WheelError, host, packages, run, tools, zig
 
 Version = tuple[int, int]
 
@@ -22,7 +22,7 @@ def source() -> Path:
     """This tree as the sdist has it: wheels are made from that, and nothing else of the tree comes into them."""
     folder = WORK / "sdist"
     shutil.rmtree(folder, ignore_errors=True)
-    run([tools(STABLE), "-m", "build", "--sdist", "--no-isolation", "--outdir", folder, ROOT])
+    run([tools(), "-m", "build", "--sdist", "--no-isolation", "--outdir", folder, ROOT])
     (archive,) = folder.glob("*.tar.gz")
     unpacked = WORK / "source"
     shutil.rmtree(unpacked, ignore_errors=True)
@@ -37,7 +37,9 @@ def environment(name: str, target: Target, version: Version) -> Mapping[str, str
     cache = WORK / "zig" / name
     suffix = Path(target.module(version)).suffix
     variables = {
-        "PATH": f"{tools(version).parent}{os.pathsep}{os.environ['PATH']}",
+        "PATH": f"{tools().parent}{os.pathsep}{os.environ['PATH']}",
+        # One set of tools for both CPythons: with another, all would be compiled again.
+        "PYTHONPATH": str(packages()),
         "ZIG_GLOBAL_CACHE_DIR": str(cache),
         "ZIG_LOCAL_CACHE_DIR": str(cache),
         "SONOCAL_ZIG": str(zig()),
@@ -56,8 +58,7 @@ def definitions(target: Target, version: Version) -> Mapping[str, str | Path]:
         "Python_INCLUDE_DIR": include_folder(target, version),
     }
     if target.system == "Windows":
-        known["Python_LIBRARY"] = import_library(FLOOR)
-        known["Python_SABI_LIBRARY"] = import_library(STABLE)
+        known |= import_libraries(version)
         if version >= STABLE:
             known["SKBUILD_SOSABI"] = ""
     return known
@@ -74,7 +75,7 @@ def build(name: str, version: Version, sources: Path, out: Path) -> Path:
         **{f"cmake.define.{key}": value for key, value in definitions(target, version).items()},
     }
     options = [part for key, value in settings.items() for part in ("--config-settings", f"{key}={value}")]
-    command = [tools(version), "-m", "pip", "wheel", "-v", sources, "--no-deps", "--no-build-isolation"]
+    command = [host(version), "-m", "pip", "wheel", "-v", sources, "--no-deps", "--no-build-isolation"]
     log = WORK / "logs" / f"{name}-{version[1]}.txt"
     run([*command, "--wheel-dir", folder, *options], environment(name, target, version), log=log)
     (wheel,) = folder.glob("*.whl")

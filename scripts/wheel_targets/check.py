@@ -29,10 +29,10 @@ def looked_into(wheels: list[Path]) -> None:
         "print(p.Path(v('LIBDIR'), v('INSTSONAME')) if v('Py_ENABLE_SHARED') else sys.executable)"
     )
     program = run([host(FLOOR), "-c", code]).strip()
-    print(run([tools(STABLE), Path(__file__).with_name("look.py"), program, *wheels]), end="")
+    print(run([tools(), Path(__file__).with_name("look.py"), program, *wheels]), end="")
     for wheel in wheels:
         if "manylinux" in wheel.name:
-            said = " ".join(run([tools(STABLE), "-m", "auditwheel", "show", wheel]).split())
+            said = " ".join(run([tools(), "-m", "auditwheel", "show", wheel]).split())
             if "manylinux_2_17" not in said:
                 raise WheelError(f"{wheel.name}: auditwheel says {said}")
 

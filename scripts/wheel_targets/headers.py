@@ -9,7 +9,7 @@ from pathlib import Path
 from targets import STABLE, Target
 from tools import WORK, host, run, tools, zig
 
-__all__ = ["import_library", "include_folder"]
+__all__ = ["import_libraries", "include_folder"]
 
 # Names that a header declares for other programs: functions, and data.
 DECLARED = re.compile(r"PyAPI_(?:FUNC|DATA)\s*\([^)]*\)\s*\**\s*(?P<name>\w+)")
@@ -33,26 +33,32 @@ def include_folder(target: Target, version: tuple[int, int]) -> Path:
     return folder
 
 
-def import_library(version: tuple[int, int]) -> Path:
-    """The library that tells Windows' linker what `python311.dll` or, for the stable ABI, `python3.dll` has."""
-    name = "python3" if version >= STABLE else f"python{version[0]}{version[1]}"
-    names = _stable_names(version) if version >= STABLE else _declared_names(version)
+def import_libraries(version: tuple[int, int]) -> dict[str, Path]:
+    """The libraries that tell Windows' linker what CPython's DLLs have, as CMake calls them.
+
+    CMake wants that of the headers' own version, too, where a module of the stable ABI is linked.
+    """
+    code = "import sys; print('python%d%d' % sys.version_info[:2])"
+    full = _library(run([host(version), "-c", code]).strip(), _declared_names(version))
+    return {"Python_LIBRARY": full, "Python_SABI_LIBRARY": _library("python3", _stable_names())}
+
+
+def _library(name: str, names: list[str]) -> Path:
     folder = WORK / "headers"
-    folder.mkdir(parents=True, exist_ok=True)
     definition, library = folder / f"{name}.def", folder / f"lib{name}.a"
     definition.write_text(f"LIBRARY {name}.dll\nEXPORTS\n" + "".join(f"    {one}\n" for one in names))
     run([zig(), "dlltool", "-m", "i386:x86-64", "-d", definition, "-l", library])
     return library
 
 
-def _stable_names(version: tuple[int, int]) -> list[str]:
+def _stable_names() -> list[str]:
     code = (
         "import abi3info, itertools\n"
         "for s in itertools.chain(abi3info.FUNCTIONS.values(), abi3info.DATAS.values()):\n"
         "    if not s.ifdef or 'windows' in str(s.ifdef).lower():\n"
-        f"        if (s.added.major, s.added.minor) <= {version}: print(s.symbol.name)\n"
+        f"        if (s.added.major, s.added.minor) <= {STABLE}: print(s.symbol.name)\n"
     )
-    return sorted(run([tools(STABLE), "-c", code]).split())
+    return sorted(run([tools(), "-c", code]).split())
 
 
 def _declared_names(version: tuple[int, int]) -> list[str]:

@@ -51,7 +51,7 @@ class Core:
 
 def read_core(content: bytes, name: str) -> Core:
     """A module of any of the three systems."""
-    parsed = lief.parse(list(content))
+    parsed = lief.parse(content)
     if isinstance(parsed, lief.ELF.Binary):
         return _elf(parsed)
     if isinstance(parsed, lief.PE.Binary):
@@ -116,7 +116,8 @@ def stable_names(version: tuple[int, int]) -> set[str]:
 
 def exported_names(program: Path) -> set[str]:
     """Names that a CPython of this machine offers to modules."""
-    return {str(symbol.name) for symbol in lief.parse(str(program)).exported_symbols}
+    parsed = lief.parse(str(program))  # must outlive its symbols
+    return {str(symbol.name) for symbol in parsed.exported_symbols}
 
 
 def faults(wheel: Path, target_name: str, version: tuple[int, int], offered: set[str]) -> Iterator[str]:

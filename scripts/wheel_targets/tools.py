@@ -12,7 +12,7 @@ from pathlib import Path
 
 from targets import FLOOR, STABLE
 
-__all__ = ["ROOT", "WORK", "WheelError", "host", "run", "tools"]
+__all__ = ["ROOT", "WORK", "WheelError", "host", "packages", "run", "tools", "zig"]
 
 ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "build" / "wheels"
@@ -95,26 +95,31 @@ def _has_headers(python: Path) -> bool:
 
 
 @cache
-def tools(version: tuple[int, int]) -> Path:
+def tools() -> Path:
     """A virtual environment with what builds and inspects wheels (`wheels` of the dependency groups).
 
     Returns:
         Its Python.
     """
-    folder = WORK / f"tools-{version[0]}.{version[1]}"
+    folder = WORK / "tools"
     python = folder / "bin" / "python"
     if not python.exists():
-        print(f"installing the tools for CPython {version[0]}.{version[1]}", file=sys.stderr)
-        run([host(version), "-m", "venv", folder])
-        run([python, "-m", "pip", "install", "--quiet", "--upgrade", "pip>=25.1"])
+        print("installing the tools", file=sys.stderr)
+        run([host(STABLE), "-m", "venv", folder])
+        run([python, "-m", "pip", "install", "--quiet", "pip>=25.1"])
     run([python, "-m", "pip", "install", "--quiet", "--group", "wheels"])
     return python
 
 
+@cache
+def packages() -> Path:
+    """The folder with the tools' packages: those that build are of Python alone, and serve any CPython."""
+    return Path(run([tools(), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip())
+
+
 def zig() -> Path:
     """The compiler, from its Python package."""
-    code = "import pathlib, ziglang; print(pathlib.Path(ziglang.__file__).with_name('zig'))"
-    return Path(run([tools(STABLE), "-c", code]).strip())
+    return packages() / "ziglang" / "zig"
 
 
 assert FLOOR < STABLE

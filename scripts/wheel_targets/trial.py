@@ -8,7 +8,6 @@ from pathlib import Path
 
 from compare import ANSWERS, Numbers
 from interpreters import Interpreter
-from targets import STABLE
 from tools import ROOT, WORK, WheelError, run, tools
 
 __all__ = ["Trial"]
@@ -66,5 +65,5 @@ def _install(wheel: Path, python: Interpreter, site: Path) -> None:
         *(part for abi in abis for part in ("--abi", abi)),
         *(part for platform in python.platforms for part in ("--platform", platform)),
     ]
-    pip = [tools(STABLE), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    pip = [tools(), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     run([*pip, *options, wheel, "pytest", "hypothesis"])
