@@ -59,8 +59,8 @@ def definitions(target: Target, version: Version) -> Mapping[str, str | Path]:
     }
     if target.system == "Windows":
         known |= import_libraries(version)
-        if version >= STABLE:
-            known["SKBUILD_SOSABI"] = ""
+        # nanobind would ask this machine's CPython how modules are called.
+        known |= {"NB_SUFFIX": f".{target.suffix}.pyd", "NB_SUFFIX_S": ".pyd", "SKBUILD_SOSABI": ""}
     return known
 
 

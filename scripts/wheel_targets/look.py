@@ -69,7 +69,7 @@ def _elf(core: lief.ELF.Binary) -> Core:
         if auxiliary.name.startswith("GLIBC_")
     ]
     newest = max(versions, key=_numbers, default="GLIBC_0")
-    imported = {str(symbol.name) for symbol in core.imported_symbols}
+    imported = {str(symbol.name) for symbol in core.dynamic_symbols if symbol.shndx == 0}
     exported = {str(symbol.name) for symbol in core.exported_symbols}
     return Core(core.header.machine_type, imported, exported, set(map(str, core.libraries)), newest)
 

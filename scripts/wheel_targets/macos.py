@@ -17,7 +17,7 @@ LINKERS = ("ld64.lld", "ld64.lld-21", "ld64.lld-20", "ld64.lld-19")
 
 
 def linker_variables(target: Target, cache: Path) -> Mapping[str, str]:
-    """The variables that `macos.cmake` reads.
+    """The variables that `rules.cmake` reads.
 
     Args:
         target: a macOS.
@@ -28,6 +28,7 @@ def linker_variables(target: Target, cache: Path) -> Mapping[str, str]:
         *_linker(),
         *("-bundle", "-arch", target.processor, "-platform_version", "macos", oldest, oldest),
         *("-undefined", "dynamic_lookup", "-dead_strip", "-x", "-S", "-adhoc_codesign"),
+        *("-exported_symbol", "_PyInit__core"),  # others macOS would share with another module's of that name
     ]
     libraries = [*_libraries(target, cache), _system()]
     return {

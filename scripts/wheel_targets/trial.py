@@ -31,7 +31,6 @@ class Trial:
             "PYTHONPATH": str(self.site),
             "OMP_NUM_THREADS": "1",
             "OPENBLAS_NUM_THREADS": "1",
-            "PYTHONDONTWRITEBYTECODE": "1",
         }
         return run([*self.python.command, *arguments], environment, cwd or self.folder)
 
@@ -49,9 +48,10 @@ class Trial:
     def tests(self) -> str:
         """The closing line of the tests of what is compiled."""
         copy = self.folder / "tree"
-        shutil.copytree(ROOT / "tests", copy / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+        for room in ("tests", "benchmarks"):
+            shutil.copytree(ROOT / room, copy / room, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "pyproject.toml", copy)
-        said = self.run("-m", "pytest", "-q", "-p", "no:cacheprovider", *TESTED, cwd=copy)
+        said = self.run("-m", "pytest", "-p", "no:cacheprovider", *TESTED, cwd=copy)
         return next((line for line in reversed(said.splitlines()) if "passed" in line), "tests passed")
 
 
