@@ -31,7 +31,7 @@ def apart(found: Numbers, expected: Numbers) -> float:
         for a, b in zip(row, expected[kind], strict=True)
     ]
     # Not max(), which would pass over what is not a number.
-    return max(distances) if all(distance >= 0 for distance in distances) else float("inf")
+    return max(distances) if distances and all(one >= 0 for one in distances) else float("inf")
 
 
 def main(pythons: list[str]) -> int:
