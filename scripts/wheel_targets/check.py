@@ -66,7 +66,7 @@ def reports(wheels: list[Path], targets: list[str], expected: Numbers, *, tests:
             yield python
         elif wheel := wheel_for(python, wheels):
             version = ".".join(map(str, python.version))
-            said = tried(wheel, python, expected, tests=tests)
+            said = tried(wheel, python, expected, tests=tests and python.tests_are_worth_it)
             yield f"{python.target}, CPython {version} ({python.origin}): {said}"
 
 
