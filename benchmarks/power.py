@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.simulators.trust_faults import KINDS
 from benchmarks.simulators.trust_judge import judged
-from benchmarks.simulators.trust_power import SHOWN, best_power, deflection
+from benchmarks.simulators.trust_power import best_power, deflection, shown
 
 HEAD = (
     "| kind | strength | deflection 10 / 50 / 90 %, standard deviations | the best test finds | warned | "
@@ -32,11 +32,11 @@ def line(name: str, strength: float, seeds: range) -> str:
         name,
         f"{strength:g} {KINDS[name].unit}",
         " / ".join(f"{x:.1f}" for x in np.quantile(deflections, [0.1, 0.5, 0.9])),
-        f"{np.mean([best_power(x) for x in deflections]):.0%}",
+        f"{np.mean([best_power(name, x) for x in deflections]):.0%}",
         f"{np.mean([not one.silent for one in outcomes]):.0%}",
         f"{len(wrong)} of {len(seeds)}",
         f"{wrong.max():.1f}" if len(wrong) else "",
-        int(np.sum(wrong >= SHOWN)),
+        sum(shown(name, x) for x in wrong),
     )
     return f"| {' | '.join(map(str, cells))} |"
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.simulators.trust_faults import KINDS
 from benchmarks.simulators.trust_judge import HONEST, Outcome, judged
-from benchmarks.simulators.trust_power import SHOWN, deflection
+from benchmarks.simulators.trust_power import deflection, shown
 from benchmarks.simulators.trust_sound import COVERAGE, SOUND
 
 Row = tuple[str, str, str]
@@ -81,16 +81,14 @@ def fault_line(row: Row, outcomes: Sequence[Outcome], seeds: range) -> str:
     """A line of the table of faults."""
     kind = KINDS[row[1]]
     wrong = [seed for one, seed in zip(outcomes, seeds, strict=True) if one.confidently_wrong]
-    shown = [
-        seed for seed in wrong if not kind.unknowable and deflection(row[1], float(row[2]), seed) >= SHOWN
-    ]
+    plain = 0 if kind.unknowable else sum(shown(row[1], deflection(row[1], float(row[2]), x)) for x in wrong)
     bounds = [one.bound_mm for one in outcomes if np.isfinite(one.bound_mm)]
     cells = (
         row[1] + (" (cannot be known)" if kind.unknowable else ""),
         f"{float(row[2]):g} {kind.unit}",
         *(counted(outcomes, level) for level in ("refused", "stop", "care", "use")),
         f"{len(wrong)} of {len(outcomes)}",
-        len(shown),
+        plain,
         middle_and_most([one.error_mm for one in outcomes]),
         f"{np.median(bounds):.2f}" if bounds else "",
         codes_of(outcomes),

@@ -54,6 +54,7 @@ class Kind:
         unit: what a strength is, for the table.
         unknowable: why the data cannot show it, or "".
         nothing: the strength that leaves the scan sound, where there is one and its noise is the same.
+        forms: how many independent forms the fault may have for all that the rows tell: 1 where it is known.
     """
 
     make: Callable[[int, float], Case]
@@ -61,6 +62,12 @@ class Kind:
     unit: str
     unknowable: str = ""
     nothing: float | None = None
+    forms: int = 1
+
+
+# A table holds no poses: what is one vector in the tracker's frame may be any smooth function of time in the probe's,
+# along three axes, with twice the highest frequency (0.2 / s) times the 15 s of a scan and one for its mean.
+WITHOUT_POSES = 3 * (2 * 3 + 1)
 
 
 def rng_of(seed: int) -> np.random.Generator:
@@ -459,6 +466,17 @@ def refracted(seed: int, percent: float) -> Case:
     return Case(scan.but(points_px=points))
 
 
+def thick_slice(seed: int, millimetres: float) -> Case:
+    """A slice of that thickness, in which the shallower end of a needle's streak is taken for the needle."""
+    scan = sound(seed, 200, still=True)
+    inverse = np.linalg.inv(scan.truth[:3, :3])
+    segments = scan.segments_mm()
+    along = (segments[:, 1] - segments[:, 0]) @ inverse.T
+    lean = along[:, :2] / along[:, 2:]
+    end = -np.sign(lean[:, 1:]) * lean * millimetres / 2 / np.linalg.norm(scan.truth[:3, 0])
+    return Case(scan.but(points_px=scan.points_px + end[:, None]))
+
+
 def mirrored_volume(seed: int, axis: float) -> Case:
     """A volume mirrored along one axis."""
     scan = sound(seed, 60, 3)
@@ -569,15 +587,17 @@ KINDS: dict[str, Kind] = {
     "autocorrelated tracking": Kind(autocorrelated, (0.5, 2.0, 5.0), "s"),
     "marker creeps": Kind(drift, (1.0, 2.0, 4.0), "mm", nothing=0.0),
     "marker wanders": Kind(wandering, (1.0, 2.0, 4.0), "mm", nothing=0.0),
-    "EM distortion": Kind(distortion, (0.7, 1.5, 3.0), "mm rms", nothing=0.0),
+    "EM distortion": Kind(distortion, (0.7, 1.5, 3.0), "mm rms", nothing=0.0, forms=WITHOUT_POSES),
     "EM distortion, recording of stills": Kind(
         lambda s, x: distortion(s, x, still=True), (0.7, 1.5, 3.0), "mm rms", nothing=0.0
     ),
-    "needle sags": Kind(sag, (1.0, 2.0, 4.0), "mm", nothing=0.0),
+    "needle sags": Kind(sag, (1.0, 2.0, 4.0), "mm", nothing=0.0, forms=WITHOUT_POSES),
     "needle sags, recording of stills": Kind(
         lambda s, x: sag(s, x, still=True), (1.0, 2.0, 4.0), "mm", nothing=0.0
     ),
-    "offset in the tracker's frame": Kind(offset_in_tracker, (1.0, 2.0, 4.0), "mm", nothing=0.0),
+    "offset in the tracker's frame": Kind(
+        offset_in_tracker, (1.0, 2.0, 4.0), "mm", nothing=0.0, forms=WITHOUT_POSES
+    ),
     "offset in the probe's frame": Kind(
         offset_in_probe, (1.0, 2.0, 4.0), "mm", "a shift of all needles is a shift of the probe's marker", 0.0
     ),
@@ -593,7 +613,7 @@ KINDS: dict[str, Kind] = {
     "other quaternion order": Kind(other_quaternion_order, N[1], N[0]),
     "axes of places exchanged": Kind(axes_swapped, N[1], N[0]),
     "marker slips": Kind(slip, (0.7, 2.0, 5.0), "mm, half deg", nothing=0.0),
-    "marker turns half-way": Kind(turned_marker, (1.0, 10.0, 90.0), "deg"),
+    "marker turns half-way": Kind(turned_marker, (1.0, 10.0, 90.0), "deg", nothing=0.0),
     "segments in the tracker's frame": Kind(tracker_frame, N[1], N[0]),
     "wrong end of the needle": Kind(wrong_end, N[1], N[0]),
     "needle's axis tilted, rolling": Kind(tilted_axis, (0.5, 1.0, 2.0), "deg"),
@@ -608,6 +628,7 @@ KINDS: dict[str, Kind] = {
     "speed of sound, curved": Kind(bent_sound, (1.0, 3.0, 6.0), "%", nothing=0.0),
     "speed of sound, volume": Kind(lambda s, x: speed_of_sound(s, x, 3), (1.0, 3.0, 6.0), "%", nothing=0.0),
     "error growing with depth": Kind(refracted, (0.5, 1.0, 2.0), "% at the bottom", nothing=0.0),
+    "slice of some thickness": Kind(thick_slice, (2.0, 4.0, 6.0), "mm", nothing=0.0),
     "volume mirrored": Kind(mirrored_volume, (0.0, 1.0, 2.0), "axis"),
     "image mirrored or turned": Kind(
         mirrored,

@@ -38,6 +38,7 @@ Out<double> to_numpy(const Eigen::MatrixBase<Derived>& m) {
 void bind_solvers(nb::module_& m);
 void bind_table(nb::module_& m);
 void bind_estimate(nb::module_& m);
+void bind_certificate(nb::module_& m);
 void bind_noise(nb::module_& m);
 void bind_detection(nb::module_& m);
 void bind_study(nb::module_& m);

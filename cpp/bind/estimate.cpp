@@ -168,25 +168,17 @@ PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, con
   return result;
 }
 
-using Residuals = In<double, nb::ndim<1>>;
-// Products of coordinates stay numbers.
-constexpr double kMostScale = 1e30;
-
 PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& options, bool refine,
                                        double scale, const std::optional<Residuals>& weights) {
   const Correspondences all = bound.planes();
-  require(scale >= 0 && scale < kMostScale, "scale is not a number from 0 on");
-  if (weights) {
-    require(weights->shape(0) == static_cast<std::size_t>(all.count), "weights are not one a correspondence");
-    for (std::size_t i = 0; i < weights->shape(0); ++i)
-      require(weights->data()[i] > 0 && weights->data()[i] <= 1, "weights are not above 0 and up to 1");
-  }
+  check_scale(scale);
+  const double* factors = checked_weights(weights, all.count);
   CorrespondenceEstimate e;
   {
     nb::gil_scoped_release unlocked;
     ConsensusOptions consensus = options.consensus;
     consensus.exhaustive_samples = 0;
-    e = estimate(all, {options.threshold_mm, refine, scale, weights ? weights->data() : nullptr, consensus});
+    e = estimate(all, {options.threshold_mm, refine, scale, factors, consensus});
   }
   PyEstimate result;
   result.found = e.found;

@@ -17,6 +17,7 @@ NB_MODULE(_core, m) {
   bind_solvers(m);
   bind_table(m);
   bind_estimate(m);
+  bind_certificate(m);
   bind_noise(m);
   bind_detection(m);
   bind_study(m);

@@ -34,6 +34,7 @@ CODES = {
     "anisotropic-scale": "mm/px differ along the image's axes",
     "anisotropic-scale-far-off": "with mm/px of its own along every axis the answer is another one",
     "image-distortion": "residuals are not alike all over the image",
+    "slice-thickness": "first echoes of a thick slice lie too shallow",
     "bent-needle": "residuals follow the place along the needle",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
@@ -155,6 +156,7 @@ CAUSES = {
     "anisotropic-scale-far-off",
     "scale-differs-from-scanner",
     "image-distortion",
+    "slice-thickness",
     "offset-in-tracker",
 }
 CONSEQUENCES = {
@@ -166,6 +168,9 @@ CONSEQUENCES = {
     "no-predicted-error",
     "predicted-error-beyond-tolerance",
 }
+
+# What a code explains is not said beside it: first echoes part the needles in those that lean one way and the other.
+EXPLAINED = {"slice-thickness": {"two-markers"}}
 
 # Codes of reasons of a verdict that are no findings.
 REASONS = {
@@ -255,7 +260,13 @@ class Findings(Sequence[Diagnostic]):
 
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """The findings in their order: those to read before use before the others, of these what explains others first."""
+    """The findings in their order: those to read before use before the others, of these what explains others first.
+
+    Those that another one explains are left out.
+    """
+    findings = tuple(findings)
+    explained = {code for one in findings for code in EXPLAINED.get(one.code, ())}
+    findings = tuple(one for one in findings if one.code not in explained)
     return tuple(sorted(findings, key=lambda one: (one.severity != "warning", reading_order(one.code))))
 
 

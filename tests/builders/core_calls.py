@@ -60,6 +60,16 @@ def white_residuals(h: Hostile) -> Any:
     return h.core.white_residuals(table, h.chosen(rows), h.transform(), h.options(model))
 
 
+def certificate(h: Hostile) -> Any:
+    weights, scale = h.pick([None, h.array(np.full(h.pick([5, 20]), 0.5))]), h.number(h.pick([0.0, 0.24]))
+    if h.pick([True, False]):
+        table, rows, model = h.lines()
+        about = h.chosen(rows), h.transform(), h.options(model)
+        return h.core.certificate(table, *about, scale=scale, weights=weights)
+    about = h.chosen(h.pick([1, 2, 3, 4, 5])), h.transform(), h.options()
+    return h.core.certificate(h.planes(), *about, scale=scale, weights=weights)
+
+
 def noise_sums(h: Hostile) -> Any:
     table, rows, model = h.lines()
     side = (8 if model == "anisotropic" else 7) + h.spoils()
@@ -157,6 +167,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "estimate": estimate,
     "refine": refine,
     "white_residuals": white_residuals,
+    "certificate": certificate,
     "estimate_correspondences": lambda h: h.core.estimate_correspondences(
         (h.lines()[0] if h.spoils() else h.planes()),
         h.options(),

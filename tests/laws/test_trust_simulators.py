@@ -9,7 +9,7 @@ from benchmarks import trust
 from benchmarks.simulators import trust_faults, trust_scans
 from benchmarks.simulators.trust_faults import KINDS
 from benchmarks.simulators.trust_judge import Outcome, judged, recording, table
-from benchmarks.simulators.trust_power import SHOWN, best_power, deflection
+from benchmarks.simulators.trust_power import best_power, deflection, shown
 from benchmarks.simulators.trust_sound import COVERAGE, SOUND
 
 SCANS = {
@@ -141,9 +141,28 @@ def test_a_fault_deflects_the_best_test_by_its_strength_and_none_does_not(name):
 
 def test_what_the_calibration_takes_up_deflects_no_test():
     assert deflection("offset in the probe's frame", 4.0, 3) < 0.1
-    assert deflection("offset in the tracker's frame", 4.0, 3) > SHOWN
+    assert shown("offset in the tracker's frame", deflection("offset in the tracker's frame", 4.0, 3))
 
 
-def test_the_best_test_has_its_false_alarms_and_finds_what_is_shown():
-    assert best_power(0.0) == pytest.approx(0.01)
-    assert best_power(SHOWN) == pytest.approx(0.999, abs=5e-4)
+@pytest.mark.parametrize("name", ["unequal pixels", "needle sags"])
+def test_the_best_test_has_its_false_alarms_and_what_is_not_shown_is_missed(name):
+    assert best_power(name, 0.0) == pytest.approx(0.01)
+    assert best_power("unequal pixels", 5.7) == pytest.approx(0.999, abs=5e-4)
+    assert not shown(name, 5.6)
+    assert shown(name, 8.0)
+
+
+def test_who_knows_a_fault_by_its_form_finds_more():
+    """A table without poses has many forms of one offset in the tracker's frame."""
+    powers = [best_power(name, 4.0) for name in ("unequal pixels", "needle sags")]
+    assert powers[0] > 1.5 * powers[1]
+
+
+@pytest.mark.parametrize("freedom", [1, 21])
+def test_the_power_is_that_of_a_sum_of_squares(freedom):
+    name = {1: "unequal pixels", 21: "needle sags"}[freedom]
+    rng = np.random.default_rng(1)
+    squares = rng.normal(size=(200_000, freedom))
+    limit = np.quantile(np.sum(squares**2, axis=1), 0.99)
+    squares[:, 0] += 4.0
+    assert np.mean(np.sum(squares**2, axis=1) > limit) == pytest.approx(best_power(name, 4.0), abs=0.01)

@@ -24,13 +24,10 @@ constexpr double kMotions = 7;
 const double kLogSolutions = std::log(8.0);
 constexpr double kNever = std::numeric_limits<double>::infinity(), kLeast = 1e-300;
 // Where all agree, less is asked of few rows to spare, which cannot show more: with residuals of this part of
-// the scene's size (root mean square), as noise of half a millimetre in a scene 200 mm wide leaves them; and
+// the scene's size (root mean square), as noise of 0.4 mm in a scene 200 mm wide leaves them; and
 // of planes on planes, that have no size, with one to spare.
-constexpr double kNoise = 5e-3;
+constexpr double kNoise = 4e-3;
 const double kLikelyNoise = std::log(0.05), kLikelyPlanes = std::log(0.01);
-// Residuals of this part of the size: the source has shrunk to where a few targets nearly meet, or says
-// nothing.
-constexpr double kShrunk = 0.2;
 
 struct Kind {
   int rows, points;

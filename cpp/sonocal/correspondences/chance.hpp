@@ -8,6 +8,9 @@ namespace sonocal {
 // Log of the number of false alarms that a consensus may have: of random sets one of 5000 would pass were the
 // background exact, and one of 1000 does as it is measured.
 constexpr double kSure = -8.5;
+// Residuals of this part of the scene's size: the source has shrunk to where a few targets nearly meet, or
+// says nothing.
+constexpr double kShrunk = 0.2;
 
 struct Agreement {
   int agreeing = 0;        // correspondences within the threshold

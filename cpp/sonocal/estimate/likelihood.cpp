@@ -251,6 +251,10 @@ LikelihoodFit maximise_likelihood(const NoiseModel& noise, const Transform& star
                                      : Maximiser<8>(noise, model, known).run(start);
 }
 
+NormalEquations weighted_cost(const NoiseModel& noise, const Transform& at, NoiseLevels levels) {
+  return pass_over(noise, at, variances(noise, levels), 1, false).fit;
+}
+
 double deviance(const NoiseModel& noise, const Transform& at, NoiseLevels levels) {
   NoiseBlocks blocks(noise, at, variances(noise, levels));
   IndependentBlock block;

@@ -18,6 +18,10 @@ struct LikelihoodFit {
 LikelihoodFit maximise_likelihood(const NoiseModel& noise, const Transform& start, Model model,
                                   NoiseLevels known);
 
+// The quadratic cost that the likelihood's maximum is the least of: with weights, and what they change by, as
+// they are at a transform.
+NormalEquations weighted_cost(const NoiseModel& noise, const Transform& at, NoiseLevels levels);
+
 // -2 log likelihood of the rows, but for a constant.
 double deviance(const NoiseModel& noise, const Transform& at, NoiseLevels levels);
 

@@ -41,6 +41,20 @@ double share_at_most(const Table& table, const Sightings& sightings, const Trans
   return (near + kMargin * std::sqrt(near + 1.0) + kMargin) / std::max(pairs, 1);
 }
 
+// Mean squared distance of the mapped points from their centre.
+double square_size(const Table& table, const Transform& transform) {
+  const Matrix3d linear = transform.linear();
+  Vector3d sum = Vector3d::Zero();
+  double squares = 0;
+  for (int row = 0; row < table.rows; ++row) {
+    const Eigen::Map<const Vector3d> point(table.points + 3 * static_cast<std::ptrdiff_t>(row));
+    const Vector3d mapped = linear * point;
+    sum += mapped;
+    squares += mapped.squaredNorm();
+  }
+  return (squares - sum.squaredNorm() / table.rows) / table.rows;
+}
+
 }  // namespace
 
 Agreement agreement(const Table& table, const Transform& transform, const double* squares, double limit) {
@@ -80,6 +94,8 @@ bool plainly_more(const Table& table, const Transform& transform, const double* 
     furthest = std::max(furthest, worst);
   }
   if (agreeing == 0) return false;
+  // Such a threshold may take for agreeing what has only shrunk.
+  if (limit > kShrunk * kShrunk * square_size(table, transform)) return false;
   const int sample = sample_of(agreeing, rows);
   if (agreeing <= sample) return false;
   return log_alarms(count, agreeing, sample, share_at_most(table, sightings, transform, furthest)) <= kSure;

@@ -6,7 +6,7 @@
 
 namespace sonocal {
 
-// P' L D L' P with the greatest pivot first, of the lower triangle. Sizes from 2 to 8, compiled once in
+// P' L D L' P with the greatest pivot first, of the lower triangle. Sizes from 2 to 8, 10 and 14, compiled once in
 // ldlt.cpp from plain loops: Eigen's, of a fixed size, takes seconds wherever it is used.
 template <int kSize>
 class Ldlt {
@@ -47,5 +47,7 @@ extern template class Ldlt<5>;
 extern template class Ldlt<6>;
 extern template class Ldlt<7>;
 extern template class Ldlt<8>;
+extern template class Ldlt<10>;
+extern template class Ldlt<14>;
 
 }  // namespace sonocal

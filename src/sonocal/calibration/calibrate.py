@@ -10,22 +10,21 @@ from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
 from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
-from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.left_out import left_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
-from sonocal.calibration.repeated import repeated_rows
+from sonocal.calibration.repeated import fit_distinct
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import image_area, known_image_size, known_levels, split_rows
+from sonocal.calibration.rows import image_area, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import require
 from sonocal.findings import Findings
-from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.observations.outside import outside_findings
-from sonocal.registration.ambiguity import rival_of
+from sonocal.registration.ambiguity import beside_rival
+from sonocal.registration.certificate import LazyCertificate, certificate_of
 from sonocal.registration.degeneracy import refuse_apparent
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import estimate_noise
@@ -82,31 +81,19 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     """
     asked = Options.of(**options)
     require(observations, Observations, "a table of sightings (see read_observations)")
-    rows, held_out = split_rows(observations, asked.fit_split, asked.test_split)
-    return _calibrated(rows, held_out, asked)
-
-
-def _calibrated(
-    rows: Observations, held_out: Observations | None, asked: Options, *, distinct: bool = False
-) -> Calibration:
-    """The calibration of rows, copies of one another counted once; `distinct`: there are no more of them."""
-    size = known_image_size(rows, asked.image_size_px)
+    given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
 
     # The transform that most rows agree with, refined on those that do.
-    with explained(rows, asked):
-        table, fit, mirrored = fit_rows(rows, asked)
-        if not distinct and (repeated := repeated_rows(table, fit)) is not None:
-            once = _calibrated(rows.select(repeated.kept), held_out, asked, distinct=True)
-            return repeated.told_of(once, rows)
+    with explained(given, asked):
+        rows, (table, fit, mirrored), repeated = fit_distinct(given, asked)
         used, groupings = asked.resolved(fit.threshold_mm), groupings_of(table, rows)
 
         # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
         noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
         refuse_apparent(table, fit.inlier, noise.apparent)
     mapped, few = MappedRows(fit.transform, table), few_fixed_targets(table, fit.inlier)
-    seen, area = image_area(rows.points_px[fit.inlier], size)
-    rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area))
-    noise = noise if rival is None else replace(noise, covariance=noise.covariance + rival.covariance)
+    size, seen, area = image_area(rows, fit.inlier, asked.image_size_px)
+    noise, rival = beside_rival(noise, fit, mirrored, area)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,
@@ -119,20 +106,20 @@ def _calibrated(
         test=held_out_errors(fit.transform, held_out, fit.threshold_mm),
         residuals_mm=fit.residuals_mm,
         inlier=fit.inlier,
-        diagnostics=(),
         options=used,
+        _certificate=LazyCertificate(partial(certificate_of, table, fit)),
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, used)},
     )
 
     # What to know before use, looked for when it is first read.
-    accepted = (area, used.tolerance_mm, found.area_name)
     looks = (
         partial(few_targets_finding, few),
-        partial(fit_findings, mapped, fit, noise=noise, rival=rival, groupings=groupings, accepted=accepted),
-        partial(left_out_findings, table, fit, used, accepted),
+        partial(fit_findings, found, mapped, fit, rival, groupings),
+        partial(left_out_findings, table, fit, used, found.accepted),
         partial(outside_findings, rows.points_px[fit.inlier], size),
         partial(area_findings, found),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
     )
-    return replace(found, diagnostics=Findings(looks=looks))
+    found = replace(found, diagnostics=Findings(looks=looks))
+    return found if repeated is None else repeated.told_of(found, given)

@@ -12,6 +12,8 @@ from sonocal.calibration.area import corner_of
 from sonocal.calibration.bent import likeliest_of_needle
 from sonocal.calibration.distortion import likeliest_of_image
 from sonocal.calibration.groupings import Groupings
+from sonocal.calibration.result import Calibration
+from sonocal.calibration.thickness import likeliest_of_slice
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.ambiguity import Rival
@@ -224,25 +226,18 @@ def _axis(vector: Array) -> str:
 
 
 def fit_findings(
-    mapped: MappedRows,
-    fit: Fit,
-    *,
-    noise: Noise,
-    rival: Rival | None,
-    groupings: Groupings,
-    accepted: tuple[Array, float, str],
+    found: Calibration, mapped: MappedRows, fit: Fit, rival: Rival | None, groupings: Groupings
 ) -> Iterator[Diagnostic]:
     """What the fit says of itself.
 
     Args:
+        found: the calibration, with the noise that errors are predicted by and what error is accepted.
         mapped: the fitted rows under the transform, outliers included.
         fit: the transform.
-        noise: of the rows, with the covariance that errors are predicted by.
         rival: a second answer, or None.
         groupings: what rows may share an error by.
-        accepted: the area (2, d), the predicted error (95 %) that is accepted at its corners, mm, and what messages
-            call the area.
     """
+    noise, accepted = found.noise, found.accepted
     yield from diagnose_fit(fit)
     yield from diagnose_rival(rival)
     yield from weakness_findings(mapped.table, fit.transform, fit.inlier, noise, accepted)
@@ -254,11 +249,11 @@ def fit_findings(
         yield from stretched
         return
     area, _, area_name = accepted
-    looks = (likeliest_of_image, likeliest_of_needle)
-    found = [one for look in looks if (one := look(mapped, fit, noise, groupings, (area, area_name)))]
+    looks = (likeliest_of_image, likeliest_of_needle, likeliest_of_slice)
+    likely = [one for look in looks if (one := look(mapped, fit, noise, groupings, (area, area_name)))]
     # What one of these leaves in the residuals may look like the other.
-    if found:
-        yield min(found, key=lambda one: one[0])[1]
+    if likely:
+        yield min(likely, key=lambda one: one[0])[1]
 
 
 def predicts(noise: Noise) -> bool:

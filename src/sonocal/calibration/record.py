@@ -8,6 +8,7 @@ import msgspec
 
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
+from sonocal.registration.certificate import Certificate
 from sonocal.registration.noise import Drift
 from sonocal.registration.options import Model
 
@@ -57,5 +58,6 @@ class Record(msgspec.Struct, kw_only=True):
     residuals_mm: list[float]
     inlier: list[bool]
     latency_s: float | None
+    certificate: Certificate = "not shown"
     diagnostics: list[Diagnostic]
     provenance: dict[str, Any]

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal.calibration.fit import FittedRows, fit_rows
+from sonocal.calibration.options import Options
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import line_distances
 from sonocal.calibration.statistics import ErrorStatistics
@@ -18,7 +20,7 @@ from sonocal.observations import Observations
 from sonocal.registration.fit import Fit
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["Repeated", "repeated_rows"]
+__all__ = ["Repeated", "fit_distinct", "repeated_rows"]
 
 # Of the deviation of one row's residual along an axis: two sightings nearer than NEAR share their noise, which chance
 # does to pairs of all nearness alike: then far more are up to WIDER times as far apart.
@@ -69,6 +71,27 @@ class Repeated:
             ),
             advice="look for a scan that was pasted into the table twice; a copy is no second measurement",
         )
+
+
+def fit_distinct(given: Observations, options: Options) -> tuple[Observations, FittedRows, Repeated | None]:
+    """Fit rows of which those that repeat one another count once.
+
+    Args:
+        given: the sightings, copies among them or not.
+        options: how to fit.
+
+    Returns:
+        The rows that were fitted, their fit, and what was left out; None: nothing was.
+
+    Raises:
+        SonocalError: as `fit_rows`.
+    """
+    fitted = fit_rows(given, options)
+    repeated = repeated_rows(fitted.table, fitted.fit)
+    if repeated is None:
+        return given, fitted, None
+    rows = given.select(repeated.kept)
+    return rows, fit_rows(rows, options), repeated
 
 
 def repeated_rows(table: PointLineRows, fit: Fit) -> Repeated | None:

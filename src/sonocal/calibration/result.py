@@ -21,6 +21,7 @@ from sonocal.files import path_of, read_bytes, write_atomically
 from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import FURTHEST, Array, AxisScaled, Similarity, area_places, frozen, real_array
+from sonocal.registration.certificate import Certificate, LazyCertificate
 from sonocal.registration.noise import Noise
 from sonocal.registration.options import Model
 from sonocal.registration.uncertainty import point_covariance, radius_95
@@ -66,12 +67,13 @@ class Calibration:
     test: ErrorStatistics | None
     residuals_mm: Array
     inlier: NDArray[np.bool_]
-    diagnostics: Sequence[Diagnostic]
+    diagnostics: Sequence[Diagnostic] = ()
     latency_s: float | None = None
     image_size_px: tuple[int, ...] | None = None
     seen_px: Array | None = None
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
+    _certificate: LazyCertificate = field(default_factory=LazyCertificate.known, repr=False)
 
     def __post_init__(self) -> None:
         for array in (self.covariance, self.area_px, self.residuals_mm, self.inlier):
@@ -90,6 +92,15 @@ class Calibration:
         )
 
     @property
+    def certificate(self) -> Certificate:
+        """Whether the answer is the best of all for the rows that agree, weighed as they are.
+
+        "optimal": every other one costs more. "tied": none costs less, but another may cost the same. "not shown":
+        another may cost less. Looked for when first read, in some tens of microseconds.
+        """
+        return self._certificate.read()
+
+    @property
     def dimension(self) -> int:
         """2 for a 2D probe, 3 for a 3D probe."""
         return int(self.area_px.shape[1])
@@ -103,6 +114,11 @@ class Calibration:
     def area_name(self) -> str:
         """What `area_px` is, for messages."""
         return "image" if self.area_is_image else "area seen"
+
+    @property
+    def accepted(self) -> tuple[Array, float, str]:
+        """The area (2, d), the error (95 %) that is accepted at its corners, mm, and what messages call the area."""
+        return self.area_px, self.options.tolerance_mm, self.area_name
 
     @property
     def threshold_mm(self) -> float:
@@ -230,6 +246,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         residuals_mm=calibration.residuals_mm.tolist(),
         inlier=calibration.inlier.tolist(),
         latency_s=calibration.latency_s,
+        certificate=calibration.certificate,
         diagnostics=list(calibration.diagnostics),
         provenance=calibration.provenance
         | {"options": _options_record(calibration), "versions": _versions()},
@@ -321,6 +338,7 @@ def _from_record(record: Record) -> Calibration:
         latency_s=record.latency_s,
         options=options,
         provenance=record.provenance,
+        _certificate=LazyCertificate.known(record.certificate),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
@@ -108,10 +109,20 @@ def known_image_size(rows: Observations, told_px: tuple[int, ...] | None) -> tup
     return told_px or stated
 
 
-def image_area(points_px: Array, size_px: tuple[int, ...] | None) -> tuple[Array, Array]:
-    """The box (2, d), px, that holds points (N, d), and the image's, which is that box where its size is not known."""
-    seen = np.array([points_px.min(axis=0), points_px.max(axis=0)])
-    return seen, seen if size_px is None else np.array([np.zeros(len(size_px)), np.asarray(size_px) - 1.0])
+def image_area(
+    rows: Observations, inlier: NDArray[np.bool_], told_px: tuple[int, ...] | None
+) -> tuple[tuple[int, ...] | None, Array, Array]:
+    """The images' size where it is known, the box (2, d), px, of the rows that agree, and the image's box.
+
+    The image's box is that of the rows where the size is not known.
+
+    Raises:
+        InputError: as `known_image_size`.
+    """
+    size = known_image_size(rows, told_px)
+    points = rows.points_px[inlier]
+    seen = np.array([points.min(axis=0), points.max(axis=0)])
+    return size, seen, seen if size is None else np.array([np.zeros(len(size)), np.asarray(size) - 1.0])
 
 
 def known_levels(table: PointLineRows, options: Options) -> dict[str, bool]:

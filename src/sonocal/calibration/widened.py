@@ -27,14 +27,13 @@ def widened(
         found: further findings.
     """
     noise = replace(calibration.noise, covariance=covariance)
-    accepted = (calibration.area_px, calibration.options.tolerance_mm, calibration.area_name)
     table, before = point_line_rows(rows), calibration.diagnostics
     findings = Findings(
         found,
         (
             lambda: [finding for finding in before if finding.code != "weak-motion"],
             lambda: weakness_findings(
-                table, calibration.probe_from_image, calibration.inlier, noise, accepted
+                table, calibration.probe_from_image, calibration.inlier, noise, calibration.accepted
             ),
         ),
     )

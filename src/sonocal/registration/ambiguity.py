@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sonocal import _core
-from sonocal.geometry import Array, AxisScaled, Similarity
+from sonocal.geometry import Array, AxisScaled, Similarity, area_places
 from sonocal.registration.fit import Fit
+from sonocal.registration.noise import Noise
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_jacobian
 
-__all__ = ["Rival", "better_of_mirrored", "mirrored_answer", "rival_of"]
+__all__ = ["Rival", "beside_rival", "better_of_mirrored", "mirrored_answer", "rival_of"]
 
 # Lines further apart than this tell an image from its mirror in any noise worth calibrating with.
 WIDEST_CONE_DEG = 40.0
@@ -55,6 +56,21 @@ def better_of_mirrored(rows: PointLineRows, fit: Fit) -> tuple[Fit, Fit | None]:
     inlier = other.residuals_mm <= fit.threshold_mm
     better = refine_point_lines(other.transform, rows, inlier, fit.options)
     return replace(better, inlier=inlier, threshold_mm=fit.threshold_mm, samples=fit.samples), fit
+
+
+def beside_rival(noise: Noise, fit: Fit, mirrored: Fit | None, area_px: Array) -> tuple[Noise, Rival | None]:
+    """The noise, with what a second answer adds to its covariance, and that answer; None: there is no such one.
+
+    Args:
+        noise: of the answer.
+        fit: the answer.
+        mirrored: the mirrored answer, if there is one.
+        area_px: (2, d), the box in which the two are compared.
+    """
+    rival = None if mirrored is None else rival_of(fit, mirrored, noise.covariance, area_places(area_px))
+    if rival is None:
+        return noise, None
+    return replace(noise, covariance=noise.covariance + rival.covariance), rival
 
 
 def rival_of(fit: Fit, other: Fit, covariance: Array, places: Array) -> Rival | None:

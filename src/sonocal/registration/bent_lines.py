@@ -17,6 +17,8 @@ __all__ = ["Bend", "bend_of"]
 
 # Of a column, what the transform does not take up, relative: less is rounding.
 LEAST_SEEN = 1e-3
+# Times the residuals: places along the lines that spread by less are noise, and show nothing that grows along them.
+LEAST_SPREAD = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +64,14 @@ def bend_of(
     from scipy.special import fdtrc
 
     rows = side_by_side(mapped, chosen)
-    white = whitened(mapped, rows, _columns(mapped, rows, parameters), levels).reshape(2 * len(rows), -1)
-    known, columns, residuals = white[:, :parameters], white[:, parameters:-1], white[:, -1]
+    noise_mm = float(np.sqrt(np.mean(mapped.distances[rows] ** 2) / 2.0))
+    if mapped.along_mm[rows].std() < LEAST_SPREAD * noise_mm:
+        return None
+    white = whitened(mapped, rows, _columns(mapped, rows, parameters, levels[0]), levels)
+    by_chance = np.einsum("naj,na->j", white[..., parameters : parameters + 3], white[..., -2])
+    white = white.reshape(2 * len(rows), -1)
+    place = np.repeat(mapped.along_mm[rows] / mapped.lengths_mm[rows], 2)[:, None]
+    known, columns, residuals = white[:, :parameters], place * white[:, parameters:-2], white[:, -1]
     freedom = len(residuals) - parameters - columns.shape[1]
     if freedom < 1:
         return None
@@ -72,11 +80,12 @@ def bend_of(
     sizes = np.linalg.norm(columns, axis=0)
     if not np.all(sizes > 0) or np.linalg.svd(beyond / sizes, compute_uv=False)[-1] < LEAST_SEEN:
         return None
-    found = np.linalg.lstsq(beyond, left, rcond=None)[0]
+    # The points' own noise moves their places along the lines, too, and is the same noise as in the residuals.
+    found = np.linalg.solve(beyond.T @ beyond, beyond.T @ left - by_chance * freedom / len(residuals))
     rest = left - beyond @ found
     alike = repeats(mapped, rows, rest.reshape(-1, 2), groups)
     variance = max(float(rest @ rest), np.finfo(float).tiny) / freedom * alike
-    ratio = float(left @ left - rest @ rest) / len(found) / variance
+    ratio = float(np.sum((beyond @ found) ** 2)) / len(found) / variance
     return Bend(
         sag_mm=np.asarray(found, dtype=float),
         p_value=float(fdtrc(len(found), max(freedom / alike, 1.0), ratio)),
@@ -84,8 +93,19 @@ def bend_of(
     )
 
 
-def _columns(mapped: MappedRows, rows: NDArray[np.int64], parameters: int) -> Array:
-    """(M, 3, k + 4), mm: derivatives by the tangent and by b, and the residuals."""
-    place = (mapped.along_mm[rows] / mapped.lengths_mm[rows])[:, None, None]
-    jacobian = point_jacobian(mapped.transform, mapped.table.points[rows], parameters)
-    return np.concatenate([jacobian, place * np.eye(3), mapped.residuals[rows][:, :, None]], axis=2)
+def _columns(mapped: MappedRows, rows: NDArray[np.int64], parameters: int, level_px: float) -> Array:
+    """(M, 3, k + 5), mm: derivatives by the tangent and by an offset, what noise has in common, and the residuals.
+
+    In common: the covariance of a point's place along its segment, 0 to 1, with its residual.
+    """
+    table, along = mapped.table, mapped.directions[rows]
+    jacobian = point_jacobian(mapped.transform, table.points[rows], parameters)
+    axes = (mapped.transform.rotation * mapped.transform.scales)[:, : table.dimension]
+    px = level_px * (np.ones(len(rows)) if table.sigma_px is None else table.sigma_px[rows])
+    together = (along @ axes) @ axes.T
+    together -= np.einsum("ni,ni->n", together, along)[:, None] * along
+    together *= (px**2 / mapped.lengths_mm[rows])[:, None]
+    offset = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
+    return np.concatenate(
+        [jacobian, offset, together[:, :, None], mapped.residuals[rows][:, :, None]], axis=2
+    )

@@ -1,0 +1,85 @@
+"""Whether an answer is the best of all, and not only of its neighbourhood."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal import _core
+from sonocal.geometry import Similarity
+from sonocal.registration.constraints import Rows
+from sonocal.registration.fit import Fit
+from sonocal.registration.options import Options
+from sonocal.registration.rows import PointLineRows, to_core
+from sonocal.registration.told import Told
+
+__all__ = ["Certificate", "LazyCertificate", "certificate_of", "certificate_of_mix"]
+
+Certificate = Literal["optimal", "tied", "not shown"]
+"""Every other answer costs more; none costs less, but another may cost the same; another may cost less."""
+
+
+class LazyCertificate:
+    """A certificate that is looked for when it is first read."""
+
+    def __init__(self, look: Callable[[], Certificate]) -> None:
+        self._look = look
+        self._found: Certificate | None = None
+
+    @classmethod
+    def known(cls, found: Certificate = "not shown") -> LazyCertificate:
+        """One that was looked for before, as in a file."""
+        return cls(lambda: found)
+
+    def read(self) -> Certificate:
+        """The certificate."""
+        if self._found is None:
+            self._found = self._look()
+        return self._found
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LazyCertificate) and self.read() == other.read()
+
+    __hash__ = None  # type: ignore[assignment]  # to be hashed it would have to be looked for
+
+    def __reduce__(self) -> tuple[Callable[[Certificate], LazyCertificate], tuple[Certificate]]:
+        return LazyCertificate.known, (self.read(),)
+
+
+def certificate_of(table: PointLineRows, fit: Fit) -> Certificate:
+    """Whether a fit is the best of all for the rows that it took, with their weights as they came out.
+
+    Weights that are fixed make the cost quadratic in the columns of the transform, and what makes these a
+    similarity's is quadratic: a convex relaxation of both proves the answer where multipliers are found for it.
+
+    Args:
+        table: points and lines.
+        fit: their fit.
+
+    Source: Briales and Gonzalez-Jimenez, CVPR 2017, with the scale among the unknowns.
+    """
+    levelled = fit.levelled
+    if fit.weighting == "likelihood" and not (levelled.sigma_px or levelled.sigma_mm):
+        return "not shown"
+    at = to_core(fit.transform)
+    return cast(Certificate, _core.certificate(table.core, fit.inlier, at, table.core_options(levelled)))
+
+
+def certificate_of_mix(
+    rows: Rows, inlier: NDArray[np.bool_], similarity: Similarity, told: Told
+) -> Certificate:
+    """Whether a similarity has the least sum of squares of all, over the correspondences that agree.
+
+    Args:
+        rows: correspondences of any kind.
+        inlier: (C,), those that agree.
+        similarity: their least squares.
+        told: weights, and the scale where it is known.
+    """
+    chosen, at = np.ascontiguousarray(inlier), to_core(similarity)
+    options, scale = Options().to_core(0, 0), told.scale or 0.0
+    found = _core.certificate(rows.core, chosen, at, options, scale=scale, weights=told.weights)
+    return cast(Certificate, found)
