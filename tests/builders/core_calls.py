@@ -183,6 +183,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "BlobFilter": blobs,
     "study_trials": study_trials,
     "study_bounds": study_bounds,
+    "kernel": lambda h: len(h.core.kernel()),
 }
 # What the calls above make or are given.
 REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Drift", "Extent", "Agreement"}

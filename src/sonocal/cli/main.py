@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import sys
 from typing import Any
 
 import click
@@ -54,6 +56,9 @@ def main() -> None:
 
     Start with "sonocal demo", then "sonocal calibrate observations.csv".
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Into a file or a pipe, Windows writes a code page that lacks letters which names of files may have.
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 for _command in (demo, sample, calibrate, *COMMANDS, tool, validate, study, export, convert, info):

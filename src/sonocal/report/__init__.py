@@ -1,4 +1,4 @@
-"""What to trust, on one page: a self-contained HTML file and its figures. Needs the extra ``sonocal[report]``.
+"""What to trust, on one page: a self-contained HTML file and its figures. Needs matplotlib and jinja2.
 
 Each figure is drawn on a matplotlib axis that the caller made: ``plot_predicted_error(axis, calibration)``. What a
 session asks of a calibration itself (``calibration.plot()``) is in `sonocal.report.session`.

@@ -47,14 +47,14 @@ def report_html(
         title: of the page.
 
     Raises:
-        UnsupportedError: the extra ``sonocal[report]`` is not installed.
+        UnsupportedError: matplotlib or jinja2 is not installed.
     """
     require("calibration", calibration, Calibration)
     try:
         import matplotlib as mpl
     except ImportError as error:
         raise UnsupportedError(
-            f"the report needs {error.name}, which is not installed; pip install 'sonocal[report]', or --no-report"
+            f"the report needs {error.name}, which is not installed; pip install matplotlib jinja2, or --no-report"
         ) from None
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)

@@ -22,13 +22,13 @@ def filled(template: str, **values: Any) -> bytes:
     """A template of this room.
 
     Raises:
-        UnsupportedError: the extra ``sonocal[report]`` is not installed.
+        UnsupportedError: jinja2 is not installed.
     """
     try:
         import jinja2
     except ImportError as error:
         raise UnsupportedError(
-            f"the report needs {error.name}, which is not installed; pip install 'sonocal[report]', or --no-report"
+            f"the report needs {error.name}, which is not installed; pip install matplotlib jinja2, or --no-report"
         ) from None
     loader = jinja2.FunctionLoader(lambda name: files("sonocal.report").joinpath(name).read_text("utf-8"))
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)

@@ -49,7 +49,7 @@ def read_c3d(path: Path, markers: Markers = ()) -> Recording:
     size = file_size(path)
     if size > LARGEST:
         raise InputError(f"{path.name}: holds {size} bytes, more than the {LARGEST} that are read; cut it")
-    package = needed("c3d", path, "C3D needs the package c3d", "c3d")
+    package = needed("c3d", path, "C3D needs the package c3d")
     try:
         with path.open("rb") as handle, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what is damaged is refused below, or said by no number
