@@ -1,4 +1,5 @@
-// Compiled once for each kind of machine, with SONOCAL_KERNELS the name of the table to fill, and SONOCAL_KIND the kind's.
+// Compiled once for each kind of machine, with SONOCAL_KERNELS the name of the table to fill, and
+// SONOCAL_KIND the kind's.
 #include "sonocal/solvers/lanes/kernels.hpp"
 
 #include "sonocal/solvers/lanes/four_points_lanes.hpp"

@@ -1,4 +1,5 @@
-// What this processor can run, asked of it: compilers' own answers are missing or wrong where wheels are built.
+// What this processor can run, asked of it: compilers' own answers are missing or wrong where wheels are
+// built.
 #pragma once
 
 namespace sonocal {
