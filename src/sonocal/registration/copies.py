@@ -12,6 +12,8 @@ from sonocal.geometry import Array
 __all__ = ["Copy", "common_shift", "lies_one_way", "parted"]
 
 TRIALS, TURNS = 400, 100
+# Ways that differ, among which the fullest is looked at.
+WAYS = 20
 REFINEMENTS = 3
 # Shifts that chance is measured with reach this many times as far as the one that was found.
 REACH = 2.0
@@ -112,13 +114,13 @@ def _elsewhere(rng: np.random.Generator, shift: Array, axes: int, within_mm: flo
     return np.asarray(drawn[np.linalg.norm(drawn - shift, axis=1) > 2.0 * within_mm])
 
 
-def _is_no_chance(count: int, among: int, by_chance: float) -> bool:
+def _is_no_chance(count: int, among: int, by_chance: float, trials: int = TRIALS) -> bool:
     """Whether so many of all groups would hardly be explained by the best of all shifts that were tried."""
     from scipy.special import bdtrc
 
     chance = (by_chance + 1.0) / (among + 2.0)
     tail = bdtrc(count - 2, among, min(chance, 1.0))
-    return bool(tail == 0 or np.log(TRIALS) + np.log(tail) < LOG_CHANCE)
+    return bool(tail == 0 or np.log(trials) + np.log(tail) < LOG_CHANCE)
 
 
 def lies_one_way(
@@ -157,7 +159,7 @@ def lies_one_way(
         for angle in angles
     ]
     opposite = _groups(displaced, by_shift, codes, -found.shift, within_mm)
-    return _is_no_chance(found.groups, among, max(float(np.mean(turned)), float(opposite)))
+    return _is_no_chance(found.groups, among, max(float(np.mean(turned)), float(opposite)), WAYS)
 
 
 def parted(residuals: Array, motions: Array, by_shift: Array, groups: NDArray[np.int64]) -> Copy | None:
