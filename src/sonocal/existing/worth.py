@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,11 +13,18 @@ from sonocal.errors import InputError, SonocalError
 from sonocal.existing.difference import Difference, difference
 from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
-from sonocal.findings import Diagnostic, warnings_first
+from sonocal.existing.worth_findings import (
+    Said,
+    against_scanner,
+    not_calibrated,
+    ratios_to,
+    with_interval,
+    worse_than_ours,
+)
+from sonocal.findings import Diagnostic, begun, warnings_first
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.registration.options import Model
-from sonocal.setup_checks.scale import scale_doubt
 from sonocal.validation import (
     PointSightings,
     Quantity,
@@ -35,18 +41,6 @@ MATRIX_ALONE = (
     "The file has a matrix and nothing of what it was made from: no error is predicted and no verdict given. What was "
     "measured here is all that is known of it; if it was made from these very sightings, its error is that of a fit."
 )
-
-
-class Said(NamedTuple):
-    """What is said of the mm/px.
-
-    Attributes:
-        mm_per_px: one number, or one along u and one along v.
-        by: who says so, for messages.
-    """
-
-    mm_per_px: tuple[float, ...]
-    by: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +73,10 @@ class Worth:
         """The answer in one or two sentences."""
         if not self.quantities:
             return f"Nothing was measured of {self.existing.said}."
-        said = f"On {self.source}, {self.existing.said} is off by {_with_interval(self.quantities[0])}"
+        said = f"On {self.source}, {self.existing.said} is off by {with_interval(self.quantities[0])}"
         if not self.own_quantities or self.difference is None:
             return f"{said}."
-        ours = f"where our own calibration, not fitted to them, is off by {_with_interval(self.own_quantities[0])}"
+        ours = f"where our own calibration, not fitted to them, is off by {with_interval(self.own_quantities[0])}"
         return f"{said}, {ours}. {self.difference.sentence}"
 
     @property
@@ -92,11 +86,10 @@ class Worth:
             return ""
         given = " x ".join(f"{s:.5f}" for s in self.said.mm_per_px)
         theirs = meaning_of(self.existing.matrix).scales_mm_per_px
-        parts = [f"this matrix has {_against(theirs, self.said)}"]
+        parts = [f"this matrix has {ratios_to(theirs, self.said)}"]
         if self.own is not None:
-            parts.append(f"ours {_against(self.own.probe_from_image.scales, self.said)}")
-        by = self.said.by[0].upper() + self.said.by[1:]
-        return f"{by} says {given} mm/px: {', '.join(parts)}."
+            parts.append(f"ours {ratios_to(self.own.probe_from_image.scales, self.said)}")
+        return f"{begun(self.said.by)} says {given} mm/px: {', '.join(parts)}."
 
 
 def worth_of(
@@ -136,10 +129,10 @@ def worth_of(
     area = _area(rows, own)
     apart = None if own is None else difference(existing, own, area, "ours")
     findings = [
-        *([] if refused is None else [_not_calibrated(refused)]),
+        *([] if refused is None else [not_calibrated(refused)]),
         *matrix_findings(existing, observations.dimension),
-        *_worse(existing, numbers, apart),
-        *_scanner(existing, said),
+        *worse_than_ours(existing, numbers.theirs, numbers.ours, apart),
+        *against_scanner(existing, said),
         *failures,
     ]
     return Worth(
@@ -241,64 +234,3 @@ def _area(rows: Observations, own: Calibration | None) -> Array:
     if own is not None:
         return own.area_px
     return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])
-
-
-def _worse(existing: Existing, numbers: _Numbers, apart: Difference | None) -> Iterator[Diagnostic]:
-    """Where the matrix leaves more error than ours, and is further from it than ours leaves open."""
-    if not numbers.theirs or not numbers.ours or apart is None or apart.beyond is None:
-        return
-    theirs, ours = numbers.theirs[0], numbers.ours[0]
-    # Few wires hold ours loosely while it fits their neighbours in time: then the matrix may be the better one.
-    if not theirs.low_mm > ours.high_mm or not apart.beyond.any():
-        return
-    yield Diagnostic(
-        code="worse-than-ours",
-        severity="warning",
-        message=(
-            f"{existing.said} is off by {_with_interval(theirs)} where our own calibration, on the same rows, is off "
-            f"by {_with_interval(ours)}"
-        ),
-        advice=_why(apart) + "; if nothing did, take ours: sonocal calibrate",
-    )
-
-
-def _why(apart: Difference) -> str:
-    """What differs most, and what does that."""
-    ratio = apart.scale_ratios
-    if np.abs(ratio).max() > UNEQUAL:
-        return (
-            f"its mm/px differ by {100 * ratio[np.argmax(np.abs(ratio))]:+.1f} %: look for another depth setting, or "
-            "images that were resampled or cropped since"
-        )
-    return (
-        f"its mm/px agree, it is turned by {apart.rotation_deg:.2f} deg and {apart.distance_mm[-1]:.2f} mm off in the "
-        "middle: look for a marker that was moved on the probe, or a needle or phantom that was measured otherwise"
-    )
-
-
-def _scanner(existing: Existing, said: Said | None) -> Iterator[Diagnostic]:
-    """The matrix's mm/px, which are given without an uncertainty, against what is said."""
-    if said is not None:
-        scales = meaning_of(existing.matrix).scales_mm_per_px
-        yield from scale_doubt(scales, np.zeros(2), said.mm_per_px, existing.said, said.by)
-
-
-def _not_calibrated(error: SonocalError) -> Diagnostic:
-    return Diagnostic(
-        code="not-computed",
-        severity="warning",
-        message=f"there is no calibration of our own to compare with: {error}",
-        advice="compare on rows that allow one",
-    )
-
-
-def _against(scales: Array, said: Said) -> str:
-    ratios = scales[:2] / np.broadcast_to(said.mm_per_px[:2], (2,)) - 1.0
-    return f"{100 * ratios[0]:+.1f} % along u and {100 * ratios[1]:+.1f} % along v"
-
-
-def _with_interval(quantity: Quantity) -> str:
-    value = f"{quantity.value_mm:.2f} mm"
-    if np.isnan(quantity.low_mm):
-        return value
-    return f"{value} ({quantity.low_mm:.2f} to {quantity.high_mm:.2f})"
