@@ -67,6 +67,7 @@ CODES = {
     "scale-differs-from-scanner": "mm/px are not what the scanner says",
     "wrong-end-of-needle": "the needle is seen beyond an end of its segment",
     "wrong-tool-frame": "the lines are in another frame than the probe marker's",
+    "threshold-below-noise": "the threshold cuts off rows of the needle itself",
     # sweep
     "second-needle": "a second needle, or an echo, moves with the needle",
     "wrong-poses": "poses are inverted, transposed, or of another quaternion order",
@@ -161,6 +162,7 @@ CAUSES = {
     "left-out-rows-agree",
     "wrong-end-of-needle",
     "second-needle",
+    "threshold-below-noise",
     "anisotropic-scale",
     "anisotropic-scale-far-off",
     "scale-differs-from-scanner",

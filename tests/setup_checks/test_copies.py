@@ -29,6 +29,11 @@ def test_rows_left_out_that_lie_one_shift_away_are_a_second_needle(away_mm, wher
     assert sum(f"mm {where}" in messages[0] for messages in found) >= 9
 
 
+@pytest.mark.parametrize("away_mm", [3.0, 4.0, 6.0, 8.0])
+def test_a_twin_at_any_distance_is_found(away_mm):
+    assert sum(len(said(rows_of(seed, 2, 0.3, (0.0, away_mm)))) for seed in range(10)) >= 8
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_rows_used_that_one_shift_parts_in_two_are_a_second_needle(dimension):
     assert sum(len(said(rows_of(seed, dimension, 0.4, (0.0, 4.0)))) for seed in range(10)) >= 9

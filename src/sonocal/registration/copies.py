@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 
-__all__ = ["Copy", "common_shift", "parted"]
+__all__ = ["Copy", "common_shift", "lies_one_way", "parted"]
 
-TRIALS = 400
+TRIALS, TURNS = 400, 100
+# Ways that differ, among which the fullest is looked at.
+WAYS = 20
 REFINEMENTS = 3
 # Shifts that chance is measured with reach this many times as far as the one that was found.
 REACH = 2.0
@@ -112,13 +114,52 @@ def _elsewhere(rng: np.random.Generator, shift: Array, axes: int, within_mm: flo
     return np.asarray(drawn[np.linalg.norm(drawn - shift, axis=1) > 2.0 * within_mm])
 
 
-def _is_no_chance(count: int, among: int, by_chance: float) -> bool:
+def _is_no_chance(count: int, among: int, by_chance: float, trials: int = TRIALS) -> bool:
     """Whether so many of all groups would hardly be explained by the best of all shifts that were tried."""
     from scipy.special import bdtrc
 
     chance = (by_chance + 1.0) / (among + 2.0)
     tail = bdtrc(count - 2, among, min(chance, 1.0))
-    return bool(tail == 0 or np.log(TRIALS) + np.log(tail) < LOG_CHANCE)
+    return bool(tail == 0 or np.log(trials) + np.log(tail) < LOG_CHANCE)
+
+
+def lies_one_way(
+    found: Copy,
+    displaced: Array,
+    by_shift: Array,
+    groups: NDArray[np.int64],
+    directions: Array,
+    *,
+    within_mm: float,
+    seed: int = 0,
+) -> bool:
+    """Whether a shift explains more than it would of displacements as long that point anywhere, or the other way.
+
+    What a threshold cuts off normal errors lies in a ring about the line: the shift to any place of the ring explains
+    the part of it that is near, however many that are.
+
+    Args:
+        found: the shift.
+        displaced: (M, 3), mm, across the lines.
+        by_shift: (M, 3, k), as of `common_shift`.
+        groups: (M,): displacements of a group, which are about one line, are turned about it as one.
+        directions: (M, 3), of the lines.
+        within_mm: how near explained is.
+        seed: of the turns.
+
+    Source: permutation test; the group is that of turns about the lines.
+    """
+    codes = np.unique(groups, return_inverse=True)[1].reshape(-1)
+    among, quarter_turn = int(codes.max()) + 1, np.cross(directions, displaced)
+    angles = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (TURNS, among))[:, codes, None]
+    turned = [
+        _groups(
+            np.cos(angle) * displaced + np.sin(angle) * quarter_turn, by_shift, codes, found.shift, within_mm
+        )
+        for angle in angles
+    ]
+    opposite = _groups(displaced, by_shift, codes, -found.shift, within_mm)
+    return _is_no_chance(found.groups, among, max(float(np.mean(turned)), float(opposite)), WAYS)
 
 
 def parted(residuals: Array, motions: Array, by_shift: Array, groups: NDArray[np.int64]) -> Copy | None:

@@ -7,6 +7,7 @@
 - wrong-tool-frame: lines are not in the probe marker's frame. The probe's poses tell which they are in.
 - wrong-end-of-needle: the needle was seen beyond its segment. Needs segments that end where the needle does.
 - second-needle: rows that were left out lie one shift away from those used. Of tables of one needle.
+- threshold-below-noise: the threshold leaves out rows that are merely noisy.
 - latency: image and tracker are not of the same instant. Needs frames in the order of time.
 - latency-beyond-tolerance: with that lag undone the answer is another one.
 - anisotropic-scale: mm/px differs along u and v. `calibrate` finds it.

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.registration.copies import common_shift, parted
+from sonocal.registration.copies import common_shift, lies_one_way, parted
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.setup_checks.evidence import Evidence
+from sonocal.setup_checks.threshold import cut_deviation
 
 __all__ = ["check_copies"]
 
@@ -41,18 +42,16 @@ def check_copies(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def _among_left_out(evidence: Evidence) -> tuple[Diagnostic, ...]:
     left = np.flatnonzero(~evidence.inlier & (evidence.mapped.distances <= FARTHEST_MM))
-    if len(left) < LEAST_ROWS:
+    # A fit of what a threshold cuts out of wider noise may be off towards any side, and leave more on the other.
+    if len(left) < LEAST_ROWS or cut_deviation(evidence) is not None:
         return ()
     groups = _sightings(evidence)[left]
     within_mm = max(WITHIN * evidence.rms_mm, LEAST_MM)
-    found = common_shift(
-        evidence.mapped.residuals[left],
-        _by_shift(evidence, left),
-        groups,
-        within_mm=within_mm,
-        among=len(np.unique(groups)),
-    )
-    if found is None:
+    displaced, by_shift = evidence.mapped.residuals[left], _by_shift(evidence, left)
+    found = common_shift(displaced, by_shift, groups, within_mm=within_mm, among=len(np.unique(groups)))
+    if found is None or not lies_one_way(
+        found, displaced, by_shift, groups, evidence.mapped.directions[left], within_mm=within_mm
+    ):
         return ()
     rows = left[found.explained]
     used = np.flatnonzero(evidence.inlier)

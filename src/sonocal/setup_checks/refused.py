@@ -18,9 +18,13 @@ from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.late import lag_finding
 from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.lines_in_time import RowsInTime
-from sonocal.setup_checks.placement import GOOD_SHARE, POOR_SHARE, quick_fit, wrong_frame
+from sonocal.setup_checks.placement import GOOD_SHARE, POOR_SHARE, USUAL_MM, quick_fit, wrong_frame
+from sonocal.setup_checks.threshold import ENOUGH_DEVIATIONS, agreeing_further, threshold_too_small
 
 __all__ = ["CHECKS", "Refused", "refusal_findings"]
+
+# Of the distances of two normal components, in standard deviations of one.
+MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +80,28 @@ def refusal_findings(refused: Refused) -> tuple[Diagnostic, ...]:
     """
     found = [finding for check in CHECKS for finding in check(refused)]
     few = refused.agreeing is not None and refused.agreeing < POOR_SHARE * len(refused.table)
-    if few and not any(finding.code in DECISIVE for finding in found):
+    if few and not found and (further := _agree_further(refused)) is not None:
+        found.append(further)
+    elif few and not any(finding.code in DECISIVE for finding in found):
         found.append(
             wrong_frame(f"only {refused.agreeing} of {len(refused.table)} rows agree with any calibration")
         )
     return warnings_first(found)
+
+
+def _agree_further(refused: Refused) -> Diagnostic | None:
+    """Where the threshold is less than what is usual and most rows agree within that: they are merely noisy."""
+    fit = quick_fit(refused.table, USUAL_MM) if refused.threshold_mm < USUAL_MM else None
+    if fit is None:
+        return None
+    share = agreeing_further(
+        fit.residuals_mm, fit.transform.apply(refused.table.points), refused.threshold_mm
+    )
+    if share <= GOOD_SHARE:
+        return None
+    noise_mm = float(np.median(fit.residuals_mm)) / MEDIAN
+    return threshold_too_small(
+        f"only {refused.agreeing} of {len(refused.table)} rows agree within the threshold of "
+        f"{refused.threshold_mm:.3g} mm, and {100 * share:.0f} % with a noise of {noise_mm:.2g} mm per axis",
+        ENOUGH_DEVIATIONS * noise_mm,
+    )

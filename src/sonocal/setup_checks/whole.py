@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from sonocal.findings import DECISIVE, Diagnostic
@@ -15,6 +14,7 @@ from sonocal.setup_checks.motion import motion_of
 from sonocal.setup_checks.placement import check_flip, check_needle_end, check_tool_frame
 from sonocal.setup_checks.scale import check_scale
 from sonocal.setup_checks.slip import slip_findings
+from sonocal.setup_checks.threshold import check_threshold, share_but_for_noise
 from sonocal.setup_checks.two_markers import check_two_markers
 from sonocal.setup_checks.units import check_units
 
@@ -54,7 +54,7 @@ def check_setup(
     ]
     # A slip, a lag or a second needle moves part of the rows, too.
     if not {one.code for one in findings} & PARTING:
-        findings += check_two_markers(evidence)
+        findings += [*check_two_markers(evidence)] or [*check_threshold(evidence)]
     if scanner_mm_per_px is not None:
         findings += check_scale(evidence, scanner_mm_per_px)
     explained = any(one.code in DECISIVE for one in findings)
@@ -63,7 +63,7 @@ def check_setup(
             evidence.table,
             tracker_from_probe=tracker_from_probe,
             threshold_mm=evidence.threshold_mm,
-            agreeing=float(np.mean(evidence.inlier)),
+            agreeing=share_but_for_noise(evidence),
         )
     return tuple(findings)
 
