@@ -19,7 +19,7 @@ BESIDE = {
 # Types that other libraries define: their sites are not at hand without a network.
 THEIRS = re.compile(
     r"(numpy|np|collections|concurrent|pathlib|typing|dataclasses|datetime|msgspec|matplotlib|mpl_toolkits|distributed)\."
-    r"|(NDArray|ArrayLike|Array|Path|Any|Axes|Axes3D|PolarAxes|optional)$|[a-z_\d]+$"
+    r"|(NDArray|ArrayLike|Array|Path|Any|Axes|Axes3D|PolarAxes|DataFrame|optional)$|[a-z_\d]+$"
 )
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
