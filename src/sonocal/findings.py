@@ -107,6 +107,7 @@ CODES = {
     "sheared-matrix": "a matrix shears the image",
     "mirrored-matrix": "a matrix mirrors",
     "third-column": "a matrix's third column is not the image's normal",
+    "misread-matrix": "a matrix is right when it is read otherwise",
     "worse-than-ours": "another matrix leaves more error than the calibration of the same rows",
 }
 
@@ -138,6 +139,7 @@ DECISIVE = {
     "wrong-poses",
     "wrong-tool-frame",
     "flipped-image",
+    "misread-matrix",
 }
 
 # Codes that name a cause beside those, and codes of what such causes bring about: the first are read before, the last

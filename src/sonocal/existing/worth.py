@@ -14,6 +14,7 @@ from sonocal.errors import InputError, SonocalError
 from sonocal.existing.difference import Difference, difference
 from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
+from sonocal.existing.rereadings import Rereading, fitting, in_words, rereadings
 from sonocal.findings import Diagnostic, warnings_first
 from sonocal.geometry import Array
 from sonocal.observations import Observations
@@ -31,6 +32,7 @@ from sonocal.validation.quantity import rms_quantity
 
 __all__ = ["MATRIX_ALONE", "Said", "Worth", "model_like", "worth_of", "worth_on_points"]
 
+MISREAD = "misread-matrix"
 MATRIX_ALONE = (
     "The file has a matrix and nothing of what it was made from: no error is predicted and no verdict given. What was "
     "measured here is all that is known of it; if it was made from these very sightings, its error is that of a fit."
@@ -62,6 +64,7 @@ class Worth:
         difference: from ours; None where there is none.
         said: the mm/px that the scanner or the recording states.
         diagnostics: what is odd about the matrix, and what the rows say of it; warnings first.
+        reread: what the matrix is instead of what it was read as, where one usual mistake explains the rows.
     """
 
     existing: Existing
@@ -73,12 +76,15 @@ class Worth:
     difference: Difference | None = None
     said: Said | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
+    reread: Existing | None = None
 
     @property
     def sentence(self) -> str:
         """The answer in one or two sentences."""
         if not self.quantities:
             return f"Nothing was measured of {self.existing.said}."
+        if misread := next((one for one in self.diagnostics if one.code == MISREAD), None):
+            return f"{misread.message[0].upper()}{misread.message[1:]}: {misread.advice}."
         said = f"On {self.source}, {self.existing.said} is off by {_with_interval(self.quantities[0])}"
         if not self.own_quantities or self.difference is None:
             return f"{said}."
@@ -91,8 +97,9 @@ class Worth:
         if self.said is None:
             return ""
         given = " x ".join(f"{s:.5f}" for s in self.said.mm_per_px)
-        theirs = meaning_of(self.existing.matrix).scales_mm_per_px
-        parts = [f"this matrix has {_against(theirs, self.said)}"]
+        theirs = meaning_of((self.reread or self.existing).matrix).scales_mm_per_px
+        name = "this matrix" if self.reread is None else "this matrix, read so,"
+        parts = [f"{name} has {_against(theirs, self.said)}"]
         if self.own is not None:
             parts.append(f"ours {_against(self.own.probe_from_image.scales, self.said)}")
         by = self.said.by[0].upper() + self.said.by[1:]
@@ -135,11 +142,17 @@ def worth_of(
             failures += _measure(of, found, rows, nwires, held_out=split is not None)
     area = _area(rows, own)
     apart = None if own is None else difference(existing, own, area, "ours")
+    misread = [] if own is None else _misread(existing, numbers, own, rows)
+    reread = misread[0].of(existing) if len(misread) == 1 else None
     findings = [
         *([] if refused is None else [_not_calibrated(refused)]),
-        *matrix_findings(existing, observations.dimension),
-        *_worse(existing, numbers, apart),
-        *_scanner(existing, said),
+        *(
+            _misread_finding(existing, numbers, misread, rows)
+            if misread
+            else _worse(existing, numbers, apart)
+        ),
+        *(matrix_findings(reread or existing, observations.dimension) if reread or not misread else ()),
+        *_scanner(reread or existing, said),
         *failures,
     ]
     return Worth(
@@ -152,6 +165,7 @@ def worth_of(
         apart,
         said,
         warnings_first(findings),
+        reread,
     )
 
 
@@ -259,6 +273,37 @@ def _worse(existing: Existing, numbers: _Numbers, apart: Difference | None) -> I
             f"by {_with_interval(ours)}"
         ),
         advice=_why(apart) + "; if nothing did, take ours: sonocal calibrate",
+    )
+
+
+def _misread(existing: Existing, numbers: _Numbers, own: Calibration, rows: Observations) -> list[Rereading]:
+    """What the matrix may be instead, by one usual mistake: of several, the rows do not tell which."""
+    if not numbers.theirs or not numbers.ours:
+        return []
+    scale = float(own.probe_from_image.scales[:2].mean())
+    ways = rereadings(existing, rows.dimension, rows.image_size_px, scale)
+    as_read, ours = numbers.theirs[0].value_mm, numbers.ours[0].value_mm
+    return fitting(ways, lambda matrix: _rms(replace(existing, matrix=matrix), rows), as_read, ours)
+
+
+def _rms(existing: Existing, rows: Observations) -> float:
+    return float(np.sqrt(np.mean(line_distances(existing.probe_from_image, rows) ** 2)))
+
+
+def _misread_finding(
+    existing: Existing, numbers: _Numbers, found: Sequence[Rereading], rows: Observations
+) -> Iterator[Diagnostic]:
+    words, advice = in_words(found)
+    so = max(_rms(one.of(existing), rows) for one in found)
+    theirs, ours = numbers.theirs[0].value_mm, numbers.ours[0].value_mm
+    yield Diagnostic(
+        code=MISREAD,
+        severity="warning",
+        message=(
+            f"{existing.said} {words}: as it was read it is off by {theirs:.2f} mm on these rows, read so by "
+            f"{so:.2f} mm, and our own calibration by {ours:.2f} mm"
+        ),
+        advice=advice,
     )
 
 
