@@ -98,6 +98,7 @@ CODES = {
     "not-computed": "a quantity could not be computed",
     "points-off": "points are further from where they are known to be than predicted",
     "points-far-off": "points are off by far more than is accepted",
+    "other-depth-setting": "another scan has other mm/px",
     "calibrations-differ": "two calibrations differ by more than their uncertainty",
     # existing
     "direction-by-scale": "which way a file's matrix goes was told by its scale",
@@ -155,6 +156,7 @@ CAUSES = {
     "second-needle",
     "anisotropic-scale",
     "anisotropic-scale-far-off",
+    "other-depth-setting",
     "scale-differs-from-scanner",
     "image-distortion",
     "offset-in-tracker",

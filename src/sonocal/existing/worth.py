@@ -297,7 +297,7 @@ def _misread_finding(
     so = max(_rms(one.of(existing), rows) for one in found)
     theirs, ours = numbers.theirs[0].value_mm, numbers.ours[0].value_mm
     yield Diagnostic(
-        code=MISREAD,
+        code="misread-matrix",
         severity="warning",
         message=(
             f"{existing.said} {words}: as it was read it is off by {theirs:.2f} mm on these rows, read so by "

@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sonocal.calibration import Calibration
-from sonocal.findings import Diagnostic
+from sonocal.findings import Diagnostic, warnings_first
 from sonocal.validation import CANNOT_SHOW, Verdict, cannot_show
 
 __all__ = ["finding", "print_findings", "standing", "verdict_text"]
@@ -41,7 +41,7 @@ def standing(calibration: Calibration) -> RenderableType:
 
 
 def print_findings(console: Console, findings: Iterable[Diagnostic], severity: str | None = None) -> None:
-    """The findings of one severity, or all, warnings first."""
-    for found in sorted(findings, key=lambda one: one.severity != "warning"):
+    """The findings of one severity, or all, in the order in which they are read everywhere."""
+    for found in warnings_first(findings):
         if severity in (None, found.severity):
             console.print(finding(found))
