@@ -30,6 +30,15 @@ from sonocal.validation.repeatability import Repeatability, repeatability
 
 __all__ = ["Validation", "fitted_and_held_out", "fitted_rows", "validate", "validate_points"]
 
+FROM_RESIDUALS = {
+    "wrong-tool-frame",
+    "second-needle",
+    "two-markers",
+    "marker-slipped",
+    "latency",
+    "latency-beyond-tolerance",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Validation:
@@ -133,9 +142,11 @@ def _said_by(
     off = [*held_out_findings(calibration, unseen)]
     findings = [*off, *check_setup(evidence, **told, seed=calibration.options.seed)]
     if off and fitted is None and (own := sound_alone(calibration, observations)) is not None:
-        # Rows that agree on a calibration of their own are in one frame with their images.
-        findings = [one for one in findings if one.code != "wrong-tool-frame"]
-        findings += other_scale(calibration, own)
+        # Rows that agree on a calibration of their own are in one frame with their images; what else residuals under
+        # another depth's mm/px look like is that depth's doing.
+        scale = [*other_scale(calibration, own)]
+        untrue = FROM_RESIDUALS if scale else {"wrong-tool-frame"}
+        findings = [*scale, *(one for one in findings if one.code not in untrue)]
     return [finding for finding in findings if finding not in calibration.diagnostics]
 
 
