@@ -31,8 +31,8 @@ def expected_errors(calibration: Calibration, below: Array) -> str:
         return f"{up_to} at the image's corners and {in_mm(centre)} mm at its centre (95 %)."
     growth = 100 * calibration.error_growth_mm_per_px()
     return (
-        f"{up_to} at the corners of the area seen, {_size(calibration.area_px)} px, and {in_mm(centre)} mm at its centre "
-        f"(95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm a "
+        f"{up_to} at the corners of the area seen, {_size(calibration.area_px)} px, and {in_mm(centre)} mm at its "
+        f"centre (95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm a "
         "100 px."
     )
 

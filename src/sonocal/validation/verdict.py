@@ -89,7 +89,8 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
     expectation = expected_errors(calibration, below)
     if any(code in BEYOND_PREDICTED for code, _ in why):
         # Not "expect": nobody should take home a number that was measured to be wrong.
-        expectation = f"What was measured contradicts the predicted errors of up to {in_mm(below[:-1].max())} mm (95 %)."
+        worst = in_mm(below[:-1].max())
+        expectation = f"What was measured contradicts the predicted errors of up to {worst} mm (95 %)."
     tolerance = calibration.options.tolerance_mm
     hopeless = is_far_off(calibration, float(below[:-1].max()))
     if hopeless:
