@@ -110,6 +110,7 @@ CODES = {
     "mirrored-matrix": "a matrix mirrors",
     "third-column": "a matrix's third column is not the image's normal",
     "misread-matrix": "a matrix is right when it is read otherwise",
+    "expected-scale-differs": "the expected calibration has other mm/px",
     "worse-than-ours": "another matrix leaves more error than the calibration of the same rows",
 }
 

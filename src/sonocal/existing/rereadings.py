@@ -47,6 +47,8 @@ def rereadings(
     dimension: int,
     size_px: Sequence[int] | None = None,
     scale_mm_per_px: float | None = None,
+    *,
+    images: bool = True,
 ) -> list[Rereading]:
     """All ways to read a matrix otherwise.
 
@@ -55,11 +57,13 @@ def rereadings(
         dimension: of the images.
         size_px: of the images: without it none is mirrored.
         scale_mm_per_px: what a pixel measures, for a matrix that scales nothing.
+        images: those of images whose axes run otherwise, too.
     """
     ways = [*_forms(existing), *_one_sided(existing)]
     changes = [*_units(existing, scale_mm_per_px)]
     as_read = Rereading("", existing.matrix, "", 0)
-    ways += [_then(as_read, change) for change in (*changes, *_parts(), *_axes(dimension, size_px))]
+    axes = _axes(dimension, size_px) if images else ()
+    ways += [_then(as_read, change) for change in (*changes, *_parts(), *axes)]
     forms = _forms(existing)
     return ways + [_then(form, change) for form in forms for change in changes if change.whole]
 
