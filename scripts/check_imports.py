@@ -56,6 +56,8 @@ ROOMS: dict[str, set[str]] = {
     "findings": set(),
     "_core": set(),
 }
+# Modules that a room above is reached from by its name alone, when it is asked for: what a notebook shows of an object.
+UPWARDS = {"calibration.in_session": {"report.session"}}
 # The public face is lazy: it names rooms and imports none.
 FACE = "__init__"
 MOST_AT_THE_ROOT = 5
@@ -63,7 +65,7 @@ MOST_AT_THE_ROOT = 5
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {
     *("scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL", "dask"),
-    *("distributed", "c3d"),
+    *("pandas", "distributed", "c3d"),
 }
 LAZY_EXEMPT = {"cli": {"click"}, "cli.screen": {"click", "rich"}}
 
@@ -86,6 +88,7 @@ def main() -> int:
         *at_the_root(),
         *(problem for name in modules for problem in against_table(name, arrows[name])),
         *(problem for name, path in modules.items() for problem in heavy_imports(name, path)),
+        *(problem for name, path in modules.items() for problem in by_name(name, path, modules)),
         *(f"a circle: {' -> '.join(circle)}" for circle in circles(arrows)),
         *outside(),
     ]
@@ -155,6 +158,22 @@ def heavy_imports(name: str, path: Path) -> Iterator[str]:
     for third in sorted(set(names_in(iter(ast.parse(path.read_text(encoding="utf-8")).body)))):
         if third.split(".")[0] in LAZY - LAZY_EXEMPT.get(room_of(name), set()):
             yield f"{name}: import {third} inside the function that needs it"
+
+
+def by_name(name: str, path: Path, modules: dict[str, Path]) -> Iterator[str]:
+    """Modules above that one names in its text, as whoever imports by name does, and that `UPWARDS` does not allow."""
+    order = list(ROOMS)
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and node.value.startswith("sonocal.")
+        ):
+            other = node.value.removeprefix("sonocal.")
+            if other in modules and name != FACE and other not in UPWARDS.get(name, ()):
+                room, to = room_of(name), room_of(other)
+                if room in ROOMS and order.index(to) < order.index(room):
+                    yield f"{name}: names {other}, which stands above it"
 
 
 def circles(arrows: dict[str, set[str]]) -> Iterator[list[str]]:

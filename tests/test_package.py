@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
@@ -67,3 +68,8 @@ def test_every_error_is_a_sonocal_error():
     ]
     assert all(issubclass(error, sc.SonocalError) for error in errors)
     assert issubclass(sc.FormatError, sc.InputError)
+
+
+def test_hints_name_packages_that_an_index_has():
+    source = Path(sc.__file__).parent
+    assert [path.name for path in source.rglob("*.py") if "sonocal[" in path.read_text("utf-8")] == []

@@ -1,34 +1,33 @@
-"""What the README tells a newcomer to paste works as it stands there."""
+"""What the README tells a newcomer to paste first needs no file, and works as processes of their own.
 
-import re
+All of it runs in tests/docs/test_pasted.py, in a folder with the files that it names.
+"""
+
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+from tests.builders.pasted import ROOT, commands_in, text_of
+
+TRY_IT = text_of(ROOT / "README.md").partition("## Try it")[2].partition("\n## ")[0]
 
 
-def test_the_commands_and_the_example_run_in_an_empty_folder(tmp_path):
-    commands = re.findall(r"^    \.venv/bin/sonocal (.+)$", README, flags=re.MULTILINE)
-    assert [command.split()[0] for command in commands] == ["demo", "calibrate", "export", "info"]
-    for command in commands:
+def test_the_first_commands_run_in_an_empty_folder(tmp_path):
+    commands = [command for command in commands_in(TRY_IT) if command.startswith("sonocal ")]
+    assert [command.split()[1] for command in commands[:5]] == [
+        "demo",
+        "calibrate",
+        "export",
+        "info",
+        "sample",
+    ]
+    for command in commands[:4]:
         subprocess.run(
-            [sys.executable, "-m", "sonocal", *shlex.split(command)],
-            cwd=tmp_path,
-            check=True,
-            capture_output=True,
+            [sys.executable, "-m", *shlex.split(command)], cwd=tmp_path, check=True, capture_output=True
         )
-    example = re.search(r"```python\n(.*?)```", README, flags=re.DOTALL).group(1)
-    done = subprocess.run(
-        [sys.executable, "-c", example], cwd=tmp_path, check=True, capture_output=True, text=True
-    )
-    assert done.stdout.count("[") == 5  # the matrix
-    assert (tmp_path / "calibration.json").exists()
+    assert (tmp_path / "calibration" / "plus.xml").exists()
 
 
-def test_the_table_of_sightings_in_the_readme_is_one():
-    from sonocal.observations import parse_observations
-
-    rows = re.search(r"(    frame,target.*?)\n\n", README, flags=re.DOTALL).group(1)
-    assert len(parse_observations(rows.replace("    ", "").encode(), "README.md")) == 2
+def test_the_readme_opens_with_a_picture():
+    opening = text_of(ROOT / "README.md").partition("\n## ")[0]
+    assert "](docs/pictures/calibration.png)" in opening

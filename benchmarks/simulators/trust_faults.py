@@ -466,6 +466,17 @@ def refracted(seed: int, percent: float) -> Case:
     return Case(scan.but(points_px=points))
 
 
+def thick_slice(seed: int, millimetres: float) -> Case:
+    """A slice of that thickness, in which the shallower end of a needle's streak is taken for the needle."""
+    scan = sound(seed, 200, still=True)
+    inverse = np.linalg.inv(scan.truth[:3, :3])
+    segments = scan.segments_mm()
+    along = (segments[:, 1] - segments[:, 0]) @ inverse.T
+    lean = along[:, :2] / along[:, 2:]
+    end = -np.sign(lean[:, 1:]) * lean * millimetres / 2 / np.linalg.norm(scan.truth[:3, 0])
+    return Case(scan.but(points_px=scan.points_px + end[:, None]))
+
+
 def mirrored_volume(seed: int, axis: float) -> Case:
     """A volume mirrored along one axis."""
     scan = sound(seed, 60, 3)
@@ -617,6 +628,7 @@ KINDS: dict[str, Kind] = {
     "speed of sound, curved": Kind(bent_sound, (1.0, 3.0, 6.0), "%", nothing=0.0),
     "speed of sound, volume": Kind(lambda s, x: speed_of_sound(s, x, 3), (1.0, 3.0, 6.0), "%", nothing=0.0),
     "error growing with depth": Kind(refracted, (0.5, 1.0, 2.0), "% at the bottom", nothing=0.0),
+    "slice of some thickness": Kind(thick_slice, (2.0, 4.0, 6.0), "mm", nothing=0.0),
     "volume mirrored": Kind(mirrored_volume, (0.0, 1.0, 2.0), "axis"),
     "image mirrored or turned": Kind(
         mirrored,

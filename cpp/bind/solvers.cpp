@@ -220,6 +220,7 @@ std::tuple<Out<double>, nb::object, Out<double>> linear_arrays(Array points, Arr
 }  // namespace
 
 void bind_solvers(nb::module_& m) {
+  m.def("kernel", [] { return kernels(kBlock).name; });
   m.def("four_points", &four_points_arrays, "points"_a.noconvert(), "segments"_a.noconvert(), "steps"_a,
         "scale"_a, "threads"_a);
   m.def("two_lines", &two_lines_arrays, "image_segments"_a.noconvert(), "needle_segments"_a.noconvert(),

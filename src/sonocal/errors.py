@@ -30,6 +30,10 @@ __all__ = [
 ]
 
 
+# Of characters, in a line of a session; the sentence itself is whole.
+MOST_SHOWN = 300
+
+
 class SonocalError(Exception):
     """Every failure that sonocal foresees; its text is one sentence for the user, in one line.
 
@@ -43,6 +47,10 @@ class SonocalError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(_one_line(message))
+
+    def __repr__(self) -> str:
+        said = repr(str(self))
+        return f"{type(self).__name__}({said if len(said) <= MOST_SHOWN else said[:MOST_SHOWN] + '...'})"
 
     def explained(self, findings: Iterable[Diagnostic], message: str | None = None) -> Self:
         """The same failure with what was found, and with another sentence where one is given."""
@@ -61,19 +69,33 @@ class FormatError(InputError):
     """A file is not what its name or its header says it is."""
 
 
-def require(value: object, kind: type, what: str) -> None:
-    """Refuse what is of another kind than a function of the public face takes.
+# What arguments of the public face are, and where one comes from.
+WORDS = {
+    "Calibration": "a calibration (see load)",
+    "Detections": "points found in images (see read_detections)",
+    "Line": "a list of lines (see read_lines)",
+    "Observations": "a table of sightings (see read_observations)",
+    "Recording": "a recording (see read_recording)",
+    "Rows": "rows of correspondences (see sonocal.registration.constraints)",
+    "Study": "a study (see load_study)",
+}
+
+
+def require(name: str, value: object, kind: type, words: str = "") -> None:
+    """Refuse what is of another kind than an argument of the public face must be.
 
     Args:
+        name: of the argument.
         value: what arrived.
         kind: what it must be.
-        what: the kind in words, with where one comes from.
+        words: the kind in words, with where one comes from; default: those of `WORDS`.
 
     Raises:
         InputError: it is of another kind.
     """
     if not isinstance(value, kind):
-        raise InputError(f"{what} is needed; got {value!r}"[:200])
+        wanted = words or WORDS.get(kind.__name__, f"of the class {kind.__name__}")
+        raise InputError(f"{name} must be {wanted}; got {value!r}"[:200])
 
 
 class DegenerateGeometryError(SonocalError):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from html import escape
 from threading import Lock
 from typing import Literal, overload
 
@@ -16,12 +18,18 @@ __all__ = [
     "Diagnostic",
     "Findings",
     "anchor_of",
+    "begun",
     "reading_order",
     "warnings_first",
 ]
 
 # Where the documentation has a section for each code of the three tables.
 PAGE = "docs/findings.md"
+
+# Of characters, in a line of a session.
+MOST_SHOWN = 200
+# What no page may hold.
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 # Codes of diagnostics, each with a title of one line.
 CODES = {
@@ -34,6 +42,7 @@ CODES = {
     "anisotropic-scale": "mm/px differ along the image's axes",
     "anisotropic-scale-far-off": "with mm/px of its own along every axis the answer is another one",
     "image-distortion": "residuals are not alike all over the image",
+    "slice-thickness": "first echoes of a thick slice lie too shallow",
     "bent-needle": "residuals follow the place along the needle",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
@@ -82,6 +91,7 @@ CODES = {
     "region-scales": "parts of the image have mm/px of their own",
     "private-volumes": "volumes that are not read stand beside the pictures",
     "scan-converted": "a volume was brought from beams to cubes",
+    "constant-transforms": "a scene's transforms that stand once hold for all items",
     "motive-axes": "Motive's world has Y up",
     "time-unit": "times are not in seconds",
     "marker-fit": "how well markers fit a rigid body",
@@ -162,6 +172,7 @@ CAUSES = {
     "unexpected-orientation",
     "scale-differs-from-scanner",
     "image-distortion",
+    "slice-thickness",
     "offset-in-tracker",
 }
 CONSEQUENCES = {
@@ -173,6 +184,9 @@ CONSEQUENCES = {
     "no-predicted-error",
     "predicted-error-beyond-tolerance",
 }
+
+# What a code explains is not said beside it: first echoes part the needles in those that lean one way and the other.
+EXPLAINED = {"slice-thickness": {"two-markers"}}
 
 # Codes of reasons of a verdict that are no findings.
 REASONS = {
@@ -197,6 +211,17 @@ class Diagnostic:
     message: str
     advice: str
 
+    def __repr__(self) -> str:
+        return f"<Diagnostic {_cut(f'{self.severity} {self.code}: {self.message}')}>"
+
+    def _repr_html_(self) -> str:
+        head = "Warning" if self.severity == "warning" else "Note"
+        code, message, advice = (
+            escape(CONTROL.sub(" ", text))
+            for text in (self.code, _sentence(self.message), _sentence(self.advice))
+        )
+        return f'<div class="sonocal"><b>{head}</b> <code>{code}</code><br/>{message} <i>{advice}</i></div>'
+
     @property
     def anchor(self) -> str:
         """Where the documentation says more: page and section."""
@@ -206,6 +231,26 @@ class Diagnostic:
 def anchor_of(code: str) -> str:
     """The section of the documentation for a code of any of the tables; the page alone for another."""
     return f"{PAGE}#{code}" if code in {*CODES, *REFUSALS, *REASONS} else PAGE
+
+
+def _sentence(text: str) -> str:
+    """A message as it stands alone."""
+    return f"{begun(text)}."
+
+
+def _cut(text: str) -> str:
+    """As much of a text as a line of a session has room for, without control characters."""
+    shown = repr(text)[1:-1]
+    return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."
+
+
+def begun(words: str) -> str:
+    """The words as the beginning of a sentence: a capital first, but for names of files and tools, and letters of axes.
+
+    A plain word is small letters up to a blank or a comma behind which the sentence goes on: ``sweep.igs.mha, frame 3``
+    and ``stylus: 2 of 9 poses`` keep their names' own spelling.
+    """
+    return words[0].upper() + words[1:] if re.match(r"a |[a-z][a-z'-]+(?:\.?$|,? )", words) else words
 
 
 class Findings(Sequence[Diagnostic]):
@@ -255,14 +300,26 @@ class Findings(Sequence[Diagnostic]):
     __hash__ = None  # type: ignore[assignment]  # as of any sequence that may still grow
 
     def __repr__(self) -> str:
-        return repr(self.read())
+        warnings = sum(one.severity == "warning" for one in self)
+        codes = ", ".join(one.code for one in self) or "none"
+        return f"<Findings, {warnings} of {len(self)} to read before use: {_cut(codes)}>"
+
+    def _repr_html_(self) -> str:
+        items = "".join(f"<li>{one._repr_html_()}</li>" for one in self) or "<li>Nothing was found.</li>"
+        return f'<ul class="sonocal" style="text-align:left">{items}</ul>'
 
     def __reduce__(self) -> tuple[type[Findings], tuple[tuple[Diagnostic, ...]]]:
         return Findings, (self.read(),)
 
 
 def warnings_first(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """The findings in their order: those to read before use before the others, of these what explains others first."""
+    """The findings in their order: those to read before use before the others, of these what explains others first.
+
+    Those that another one explains are left out.
+    """
+    findings = tuple(findings)
+    explained = {code for one in findings for code in EXPLAINED.get(one.code, ())}
+    findings = tuple(one for one in findings if one.code not in explained)
     return tuple(sorted(findings, key=lambda one: (one.severity != "warning", reading_order(one.code))))
 
 

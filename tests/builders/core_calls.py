@@ -183,6 +183,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "BlobFilter": blobs,
     "study_trials": study_trials,
     "study_bounds": study_bounds,
+    "kernel": lambda h: len(h.core.kernel()),
 }
 # What the calls above make or are given.
 REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Drift", "Extent", "Agreement"}
@@ -203,10 +204,9 @@ def touch(result: Any) -> None:
                 ) if result is not None else None
 
 
-def call(core: ModuleType, seed: int, number: int) -> bool:
+def call(core: ModuleType, seed: int, number: int, name: str) -> bool:
     """Make one call; whether it was answered."""
     random = np.random.default_rng([seed, number])
-    name = list(CALLS)[number % len(CALLS)]
     try:
         touch(CALLS[name](Hostile(core, random)))
     except REFUSALS as error:

@@ -1,6 +1,7 @@
 """What happens to files: bytes changed, parts cut, repeated or exchanged, numbers replaced by extreme ones."""
 
 import re
+import struct
 
 from hypothesis import strategies as st
 
@@ -15,6 +16,22 @@ NUMBERS = [
     b"0.5",
     b"1000000",
     b"\xff",
+    b"1e300",
+    b"-1e-300",
+    b"",
+]
+BINARY = [
+    *(struct.pack(form, x) for form in ("<f", "<d", ">f", ">d") for x in (float("nan"), float("inf"), -1.0)),
+    *(struct.pack(form, 1e300) for form in ("<d", ">d")),
+    *(bytes([x]) * size for x in (0, 255) for size in (1, 2, 4, 8)),
+    *(b"\x7f" + b"\xff" * (size - 1) for size in (2, 4, 8)),
+    *(b"\xff" * (size - 1) + b"\x7f" for size in (2, 4, 8)),
+    *(
+        (1 << shift).to_bytes(size, order)
+        for size in (2, 4, 8)
+        for shift in (0, 8 * size - 9)
+        for order in ("little", "big")
+    ),
 ]
 
 
@@ -78,4 +95,44 @@ def empty_value(data, a, b):
     return data[:start] + data[end:]
 
 
-KINDS = [flip, cut, drop, repeat_line, drop_line, extreme_number, extreme_number, empty_value]
+def binary_number(data, a, b):
+    """A number as programs store it, at a place of its size."""
+    number = BINARY[b % len(BINARY)]
+    i = a % len(data) // len(number) * len(number)
+    return data[:i] + number + data[i + len(number) :]
+
+
+def exchange(data, a, b):
+    """Two pieces of one length stand in each other's place: tags of DICOM, columns of a table."""
+    size = 1 + (a ^ b) % 12
+    i, j = sorted((a % len(data), b % len(data)))
+    if i + size > j or j + size > len(data):
+        return data
+    return data[:i] + data[j : j + size] + data[i + size : j] + data[i : i + size] + data[j + size :]
+
+
+def exchange_words(data, a, b):
+    """Two words stand in each other's place: names of columns, keys, tags of XML."""
+    places = [m.span() for m in re.finditer(rb"[A-Za-z_]\w+", data[:4000])]
+    if not places:
+        return data
+    (i, i_end), (j, j_end) = sorted((places[a % len(places)], places[b % len(places)]))
+    if i == j:
+        return data
+    return data[:i] + data[j:j_end] + data[i_end:j] + data[i:i_end] + data[j_end:]
+
+
+KINDS = [
+    flip,
+    cut,
+    drop,
+    repeat_line,
+    drop_line,
+    extreme_number,
+    extreme_number,
+    empty_value,
+    binary_number,
+    binary_number,
+    exchange,
+    exchange_words,
+]

@@ -42,6 +42,9 @@ def write_swept(folder):
     frames = np.flatnonzero(sweep.truth.visible)
     rows = [f"{i},{u},{v}" for i, (u, v) in zip(frames, sweep.truth.points_px[frames], strict=True)]
     (folder / "points.csv").write_text("\n".join(["frame,u_px,v_px", *rows]) + "\n")
+    numbers = " ".join(map(str, sweep.truth.probe_from_image.matrix.ravel().tolist()))
+    matrix = f'<Transform From="Image" To="Probe" Matrix="{numbers}" />\n'
+    (folder / "calibrated.xml").write_text(DEVICES.replace("  </Coord", f"    {matrix}  </Coord"))
 
 
 def write_tables(folder):

@@ -1,31 +1,38 @@
-"""What a reader of the documentation is told to paste: commands and Python, as they stand on its pages."""
+"""What a reader of the documentation is told to paste: blocks of commands, of Python and of files, as they stand."""
 
 import re
+import textwrap
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
-# A line of a block that begins like this is typed into a shell, and its environment may come first.
-TYPED = re.compile(
-    r"(?:[A-Z_]+=\S+ )*(?:\S*/)?(?:sonocal|python3?|pip|scripts/\S+|\.ci/run|source|git)(?= |$)"
-)
+FENCE = re.compile(r"^( *)```([^\n`]*)\n(.*?)^\1```$", flags=re.MULTILINE | re.DOTALL)
+
+
+class Block(NamedTuple):
+    """A fenced block: what it says it is, and what it holds."""
+
+    kind: str
+    text: str
 
 
 def text_of(page):
     return page.read_text(encoding="utf-8")
 
 
+def blocks_in(text):
+    return [Block(kind.strip(), textwrap.dedent(inside)) for _, kind, inside in FENCE.findall(text)]
+
+
+def of_kind(text, kind):
+    return [block.text for block in blocks_in(text) if block.kind == kind]
+
+
 def commands_in(text):
-    """Commands of indented blocks, lines that go on joined; what is said beside them left out."""
-    joined = re.sub(r" \\\n +", " ", text)
-    lines = re.findall(r"^ {4,}(\S.*)$", joined, flags=re.MULTILINE)
-    return [command_of(line) for line in lines if TYPED.match(line)]
+    """Lines of blocks of commands: each is pasted whole."""
+    return [line for block in of_kind(text, "sh") for line in block.splitlines() if line]
 
 
-def command_of(line):
-    """The line without its remark, which two spaces or a hash set apart."""
-    return re.split(r"\s{2,}|\s+# ", line, maxsplit=1)[0]
-
-
-def snippets_in(text):
-    return re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+def outside_of_blocks(text):
+    return FENCE.sub("", text)

@@ -258,10 +258,9 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
 }
 
 
-def call(_: Any, seed: int, number: int) -> bool:
+def call(_: Any, seed: int, number: int, name: str) -> bool:
     """Make one call; whether it was answered. A sentence is one line; anything else that is raised is a fault."""
     random = np.random.default_rng([seed, number])
-    name = list(CALLS)[number % len(CALLS)]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

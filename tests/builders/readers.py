@@ -27,7 +27,7 @@ from sonocal.targets import (
 from sonocal.validation import read_point_sightings
 from tests.builders.damaged import FILES
 from tests.builders.recordings import random_recording
-from tests.builders.sound import SOUND, some_calibration, sound_paths
+from tests.builders.sound import SOUND, rosbags, scenes, some_calibration, sound_paths
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,22 @@ def beside_its_pixels(path):
     if not (path.parent / "a.zraw").exists():
         write_recording(random_recording(0, n=3, size=(5, 4)), path.parent / "a.mhd")
     return whole(path)
+
+
+def beside_its_sequences(path):
+    """An .mrml, whose sequences lie beside it."""
+    if not (path.parent / "Image.seq.nrrd").exists():
+        scenes(path.parent)
+    return whole(path)
+
+
+def bag_folder(path):
+    """The metadata.yaml of a bag of ROS 2 that is a folder."""
+    folder = path.parent / "bag"
+    if not folder.exists():
+        rosbags("sqlite3")(path.parent)[0].rename(folder)
+    (folder / "metadata.yaml").write_bytes(path.read_bytes())
+    return whole(folder)
 
 
 def any_file(path):
@@ -97,6 +113,10 @@ def bags(folder):
     return [path.read_bytes() for path in SOUND["ROS bag"](folder) if path.is_file()]
 
 
+def bag_metadata(folder):
+    return [(rosbags("sqlite3")(folder)[0] / "metadata.yaml").read_bytes()]
+
+
 METAIO, NRRD = "PLUS sequence metafile, MetaIO image", "PLUS and Slicer NRRD sequence, NRRD image"
 DEVICES, TARGETS = contents("PLUS device set"), contents("needles, wires, points of tools")
 
@@ -116,8 +136,10 @@ READERS = {
     "video": Reader(".mp4", whole, contents("video", ".mp4")),
     "plus-video": Reader(".mkv", whole, contents("video", "plus.mkv")),
     "scene": Reader(".mrb", whole, contents("Slicer scene", ".mrb")),
+    "scene-document": Reader(".mrml", beside_its_sequences, contents("Slicer scene", ".mrml")),
     "scan": Reader(".h5", whole, contents("TUS-REC scan")),
     "bag": Reader(".bag", whole, bags),
+    "bag-folder": Reader(".yaml", bag_folder, bag_metadata),
     "device-set": Reader(".xml", read_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),
     "into-device-set": Reader(".xml", into_device_set, lambda folder: DEVICES(folder) + damaged(".xml")),
     "lines": Reader(".toml", read_lines, TARGETS),

@@ -52,9 +52,13 @@ def image_sequence(times, pixels):
     return "\n".join([*header, "", ""]).encode() + gzip.compress(pixels.tobytes(), mtime=0)
 
 
-def scene_document(names, folder=""):
-    """The ``.mrml`` of sequences in files of these names."""
-    rows = []
+def scene_document(names, folder="", constant=()):
+    """The ``.mrml`` of sequences in files of these names, and of constant transforms: (name, matrix)."""
+    rows = [
+        f'<LinearTransform id="vtkMRMLLinearTransformNode{i}" name="{name}" userTags="" '
+        f'matrixTransformToParent="{" ".join(f"{x:g}" for x in np.ravel(matrix))}" />'
+        for i, (name, matrix) in enumerate(constant)
+    ]
     for i, name in enumerate(names):
         kind = "Volume" if name.endswith(".nrrd") else "LinearTransform"
         rows.append(

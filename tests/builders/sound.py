@@ -3,6 +3,7 @@
 import io
 from functools import lru_cache
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -13,12 +14,19 @@ from sonocal.export.plus import plus_xml
 from sonocal.export.slicer import slicer_h5, slicer_tfm
 from sonocal.observations import observations_csv
 from sonocal.recording.formats import write_recording
+from sonocal.report import report_html
 from sonocal.simulation.scene import simulate_observations
+from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+from sonocal.simulation.truth_file import truth_json
+from sonocal.simulation.ultrasound import BATH
+from sonocal.simulation.ultrasound_probe import curvilinear
+from sonocal.studies import Store, load_study, run_study, summarise, threads
+from sonocal.studies.summary import summary_csv, summary_json
 from tests.builders.bags import messages_for, small_sweep, write_bag
 from tests.builders.kretz import kretz_bytes, some_toroid
 from tests.builders.pictures import PHILIPS_CLASS, dicom_file, images, items, palette, plane, volume_file
 from tests.builders.recordings import random_pixels, random_poses, random_recording
-from tests.builders.scenes import image_sequence, transform_sequence, write_scene
+from tests.builders.scenes import image_sequence, scene_document, transform_sequence, write_scene
 from tests.builders.tables import matrices_in, motive
 from tests.builders.targets import LINE, PHANTOM, POINT
 from tests.builders.trackers import (
@@ -179,8 +187,9 @@ def scenes(folder):
         "Image.seq.nrrd": image_sequence(range(3), pixels),
         "ProbeToTracker.seq.mha": transform_sequence("ProbeToTracker", range(3), poses),
     }
+    constant = [("StylusTipToStylus", poses[0]), ("ProbeToTracker", poses[1]), ("LinearTransform", poses[2])]
     for name in ("a.mrb", "b.mrml"):
-        write_scene(folder / name, files)
+        write_scene(folder / name, files, scene_document(files, "Data/" if name == "a.mrb" else "", constant))
     return [folder / "a.mrb", folder / "b.mrml"]
 
 
@@ -253,6 +262,31 @@ def numpy_files(folder):
     return [folder / "a.npy", folder / "b.npz", folder / "c.npz"]
 
 
+OLD_PAGE = b"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="generator" content="sonocal">
+<title>Probe calibration: Use it</title></head><body></body></html>
+"""
+
+
+def study_results(folder):
+    """Of a run that is done, and of one that goes on."""
+    study = msgspec.structs.replace(load_study("needles", trials=2), factors={"needles": [5, 8]})
+    done, begun = folder / "done", folder / "begun"
+    with threads() as workers:
+        store = run_study(study, done, workers)
+    rows = summarise(store)
+    (done / "summary.json").write_bytes(summary_json(store, rows))
+    (done / "summary.csv").write_bytes(summary_csv(store.study, rows))
+    Store(begun, study, "0")
+    return [
+        done / "summary.json",
+        done / "summary.csv",
+        done / "manifest.json",
+        begun / "manifest.json",
+        done,
+    ]
+
+
 SOUND = {
     "PLUS sequence metafile, MetaIO image": sequences(".mha", ".mhd"),
     "PLUS and Slicer NRRD sequence, NRRD image": sequences(".nrrd"),
@@ -274,6 +308,11 @@ SOUND = {
     "points found in images": files(a_csv=b"frame,u_px,v_px,sigma_px\n0,10.5,20,0.5\n7,1,2,0.5\n"),
     "points whose place is known": files(a_csv=KNOWN_POINTS, b_csv=TRACKED_POINTS),
     "calibration": files(a_json=lambda: calibration_json(some_calibration())),
+    "results of a study": study_results,
+    "truth of a simulated sweep": files(
+        a_json=lambda: truth_json(simulate_sweep(curvilinear(64, 64, 1.5), BATH, SweepOptions(frames=3)))
+    ),
+    "page of sonocal": files(a_html=lambda: report_html(some_calibration()), b_html=OLD_PAGE),
     "needles, wires, points of tools": files(
         a_toml=LINE.encode(), b_toml=POINT.encode(), c_toml=b"# mm\n\n" + (LINE + POINT).encode()
     ),

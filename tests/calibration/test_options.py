@@ -266,5 +266,7 @@ def test_what_no_option_can_be_is_refused_in_one_sentence(options):
 
 @pytest.mark.parametrize("table", ["needle.csv", None, np.zeros((4, 2))])
 def test_what_is_no_table_is_refused(table):
-    with pytest.raises(sc.InputError, match=r"a table of sightings .see read_observations. is needed"):
+    with pytest.raises(
+        sc.InputError, match=r"observations must be a table of sightings .see read_observations.;"
+    ):
         sc.calibrate(table)

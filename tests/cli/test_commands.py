@@ -1,9 +1,11 @@
 """The command line, in process and as a real one."""
 
+import errno
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -225,7 +227,7 @@ def test_output_that_cannot_be_written_is_said(table, tmp_path):
     assert result.exit_code == 1
     assert (
         result.stderr
-        == f"Error: {tmp_path / 'file'}: cannot be made a folder (File exists); choose another place\n"
+        == f"Error: {tmp_path / 'file'}: cannot be made a folder ({os.strerror(errno.EEXIST)}); choose another place\n"
     )
     assert (tmp_path / "file").read_text() == "in the way"
 
@@ -281,3 +283,16 @@ def test_a_bug_keeps_its_traceback(monkeypatch, table):
 
     monkeypatch.setattr(sc, "calibrate", broken)
     assert isinstance(run("calibrate", table).exception, RuntimeError)
+
+
+def test_letters_that_a_code_page_lacks_are_written_as_their_numbers(table, tmp_path):
+    (tmp_path / "Ж.csv").write_bytes(Path(table).read_bytes())
+    done = subprocess.run(
+        [sys.executable, "-m", "sonocal", "info", "Ж.csv"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONIOENCODING": "cp1252"},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\u0416.csv" in done.stdout

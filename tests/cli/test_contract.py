@@ -159,6 +159,7 @@ def test_a_study_that_is_none_is_refused(here, kind):
         (["export", "calibration.json", "--to", "plus"], "missing/a.xml"),
         (["export", "calibration.json", "--to", "itk"], "missing/a.tfm"),
         (["simulate", "--frames", "1"], "file"),
+        (["sample"], "file"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else value,
 )
@@ -208,7 +209,7 @@ def test_the_groups_help_names_every_command(width):
 
 
 def test_the_groups_help_has_a_whole_line_for_every_command():
-    lines = run("--help").output.partition("Commands:\n")[2].splitlines()
+    lines = run("--help").output.partition("Commands:\n")[2].partition("\n\n")[0].splitlines()
     assert len(lines) == len(COMMANDS)
     for name, line in zip(COMMANDS, lines, strict=True):
         assert re.fullmatch(rf"  {name} +[A-Z].*[^.]\.", line), line

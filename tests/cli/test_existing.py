@@ -153,7 +153,6 @@ def test_compare_and_expected_take_each_alike(folder, name):
             ("--expected", "plus.xml"),
             "--expected is for calibration.json; of plus.xml compare it with --compare instead",
         ),
-        (("-o", "out"), "-o is for calibration.json; of plus.xml no report is made of a matrix alone"),
         (("--probe", "P"), "--probe is for recordings; give their needle or wires with --lines"),
     ],
 )
@@ -162,6 +161,30 @@ def test_options_that_would_do_nothing_are_wrong_usage(folder, monkeypatch, opti
     done = run("validate", "plus.xml", "needle.csv", *options)
     assert done.exit_code == 2, done.output
     assert words in " ".join(done.output.split())
+
+
+def test_a_page_names_the_matrix_and_its_differences(folder, tmp_path):
+    pytest.importorskip("jinja2", reason="jinja2 is not installed")
+    table, out = folder / "needle.csv", tmp_path / "out"
+    done = run("validate", folder / "plus.xml", table, "-o", out, "--compare", folder / "calibration.json")
+    assert done.exit_code == 0, done.output
+    assert "validation.html" in done.output
+    page = (out / "validation.html").read_text(encoding="utf-8")
+    for words in (
+        "ImageToProbe of plus.xml (PLUS device set) on needle.csv",
+        "Against our own calibration of the same rows",
+        "Against the other calibration",
+        "Our own calibration of the same rows:",
+        "The scale is inside the matrix.",
+        "The file has a matrix and nothing of what it was made from",
+    ):
+        assert words in page
+    assert "{{" not in page
+    assert run("validate", folder / "plus.xml", table, "-o", out).exit_code == 1  # nothing is replaced
+    assert run("validate", folder / "plus.xml", table, "-o", tmp_path / "no", "--no-report").exit_code == 0
+    assert not (tmp_path / "no").exists()
+    assert run("validate", folder / "plus.xml", table).exit_code == 0
+    assert not (folder / "validation.html").exists()
 
 
 def test_choosing_within_our_own_file_is_wrong_usage(folder, tmp_path):

@@ -23,6 +23,7 @@ COMMANDS = {
     "convert": ["convert", "sweep.igs.mha", "-o", "out.nrrd"],
     "convert to two files": ["convert", "sweep.igs.mha", "-o", "out.mkv"],
     "simulate": ["simulate", "-o", "out", "--frames", "2"],
+    "sample": ["sample", "-o", "out"],
     "demo": ["demo", "-o", "out", "--needles", "10"],
 }
 # Onto what it reads, by any name of it.

@@ -18,7 +18,12 @@ from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.export.plus import plus_xml
 from sonocal.recording import Poses, Recording
 from sonocal.recording.formats import write_recording
+from sonocal.report import report_html
 from sonocal.simulation.scene import simulate_observations
+from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+from sonocal.simulation.truth_file import truth_json
+from sonocal.simulation.ultrasound import BATH
+from sonocal.simulation.ultrasound_probe import curvilinear
 from tests.builders.recordings import random_recording
 from tests.builders.sound import TFM
 from tests.builders.targets import LINE, PHANTOM, POINT
@@ -40,6 +45,9 @@ COMMANDS = {
     "plus": ("info", "plus.xml"),
     "existing": ("validate", "plus.xml", "table.csv", "--compare", "ImageToProbe.tfm"),
     "difference": ("validate", "calibration.json", "table.csv", "--no-report", "--compare", "plus.xml"),
+    "truth": ("info", "truth.json"),
+    "page": ("info", "report.html"),
+    "results": ("info", "results"),
     "tool": ("tool", "pivot.igs.mha", "--spin", "spin.igs.mha", "--tool", "Needle"),
     "studies": ("study",),
     "study": ("study", "needles", "--trials", "3", "--no-figure", "-o", "study"),
@@ -69,6 +77,10 @@ def files(tmp_path_factory):
     (folder / "ImageToProbe.tfm").write_bytes(TFM)
     (folder / "targets.toml").write_text(LINE + POINT)
     (folder / "devices.xml").write_text(PHANTOM)
+    sweep = simulate_sweep(curvilinear(64, 64, 1.5), BATH, SweepOptions(frames=5, seed=2))
+    (folder / "truth.json").write_bytes(truth_json(sweep))
+    (folder / "report.html").write_bytes(report_html(sc.load(folder / "calibration.json")))
+    run("study", "needles", "--trials", "3", "--no-figure", "-o", str(folder / "results"), width=80)
     (folder / "points.csv").write_text("frame,u_px,v_px\n0,1,2\n")
     return folder
 
@@ -104,6 +116,23 @@ def test_paths_and_errors_are_one_line_each_however_narrow(files, tmp_path):
     refused = run("calibrate", str(deep / "no table.csv"), width=40)
     assert refused.stderr.startswith(f"Error: {deep / 'no table.csv'}: there is no such file")
     assert refused.stderr.count("\n") == 1
+
+
+def test_colours_are_for_terminals_that_want_them(files, monkeypatch):
+    monkeypatch.chdir(files)
+    plain = run("info", "calibration.json", width=80).stdout
+    environment = {"COLUMNS": "80", "TERM": "xterm-256color", "FORCE_COLOR": "1"}
+    coloured = CliRunner(env=environment).invoke(main, ["info", "calibration.json"], color=True).stdout
+    bare = (
+        CliRunner(env=environment | {"NO_COLOR": "1"})
+        .invoke(main, ["info", "calibration.json"], color=True)
+        .stdout
+    )
+    colour, style = re.compile(r"\x1b\[[\d;]*3\d[\d;]*m"), re.compile(r"\x1b\[[\d;]*m")
+    assert "\x1b" not in plain
+    assert colour.search(coloured)
+    assert not colour.search(bare)
+    assert style.sub("", coloured) == style.sub("", bare) == plain
 
 
 def shown(what, width):

@@ -318,4 +318,4 @@ def test_everything_in_the_core_is_called_with_hostile_arrays():
 @settings(max_examples=25)
 def test_a_hostile_call_is_answered_or_refused_in_a_sentence(name, seed):
     number = list(core_calls.CALLS).index(name)
-    assert isinstance(core_calls.call(_core, seed, number), bool)
+    assert isinstance(core_calls.call(_core, seed, number, name), bool)

@@ -1,5 +1,6 @@
 """Files appear whole or not at all, and nothing outside a folder is named from inside it."""
 
+import errno
 import hashlib
 import os
 import stat
@@ -132,7 +133,7 @@ def test_what_is_no_text_is_refused(tmp_path, content, sentence):
 
 def test_a_place_that_cannot_be_written_is_said(tmp_path):
     with pytest.raises(
-        InputError, match=r"cannot be written \(No such file or directory\); choose another place"
+        InputError, match=rf"cannot be written \({os.strerror(errno.ENOENT)}\); choose another place"
     ):
         write_atomically(tmp_path / "no" / "file", b"")
     (tmp_path / "file").write_bytes(b"")
@@ -142,11 +143,38 @@ def test_a_place_that_cannot_be_written_is_said(tmp_path):
         read_bytes(tmp_path)
 
 
+def as_windows(*_, **__):
+    """What Windows says of a folder that is opened, and of a file that another program has open."""
+    raise PermissionError(errno.EACCES, "Access is denied")
+
+
+def test_a_folder_is_called_one_where_the_system_says_it_is_denied(tmp_path, monkeypatch):
+    (tmp_path / "file").write_bytes(b"x")
+    monkeypatch.setattr(Path, "open", as_windows)
+    with pytest.raises(InputError, match="is a directory; name the file in it"):
+        read_at(tmp_path, 0, 1)
+    with pytest.raises(InputError, match=r"cannot be read \(Access is denied\); check its permissions"):
+        read_at(tmp_path / "file", 0, 1)
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_file_that_is_open_elsewhere_is_to_be_closed(tmp_path, monkeypatch, there):
+    path = tmp_path / "table.csv"
+    if there:
+        path.write_bytes(b"old")
+    monkeypatch.setattr(Path, "replace", as_windows)
+    with pytest.raises(InputError) as caught:
+        write_atomically(path, b"new")
+    close = "close it where it is open, or " if there else ""
+    assert str(caught.value) == f"{path}: cannot be written (Access is denied); {close}choose another place"
+    assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"old"] * there
+
+
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        (None, "the name of a file is needed, as text or a Path; got None"),
-        (b"x", "the name of a file is needed, as text or a Path; got b'x'"),
+        (None, "path must be the name of a file, as text or a Path; got None"),
+        (b"x", "path must be the name of a file, as text or a Path; got b'x'"),
         ("a\0b", r"'a\x00b': no file can be called so, it holds a zero byte"),
         ("\ud800", r"'\ud800': no file can be called so, it holds half a character"),
     ],

@@ -1,3 +1,6 @@
+import errno
+import os
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -210,7 +213,7 @@ def test_writing_into_a_missing_folder_is_said(tmp_path):
         write_observations(rows, tmp_path / "no" / "a.csv")
     assert (
         str(caught.value)
-        == f"{tmp_path / 'no' / 'a.csv'}: cannot be written (No such file or directory); choose another place"
+        == f"{tmp_path / 'no' / 'a.csv'}: cannot be written ({os.strerror(errno.ENOENT)}); choose another place"
     )
 
 

@@ -321,5 +321,5 @@ def test_pictures_of_volumes_show_each_needle_once_as_a_line():
 
 def test_a_missing_library_is_said_with_the_remedy(scan, monkeypatch):
     monkeypatch.setitem(sys.modules, "jinja2", None)
-    with pytest.raises(sc.UnsupportedError, match=r"pip install 'sonocal\[report\]', or --no-report"):
+    with pytest.raises(sc.UnsupportedError, match=r"pip install matplotlib jinja2, or --no-report"):
         report_html(scan[1])

@@ -76,7 +76,8 @@ def test_the_order_of_the_rows_changes_no_finding(seed, fault):
     assert ours == theirs
 
 
-@given(seeds, faults, st.floats(0.01, 100), st.floats(-1e4, 1e4))
+# In a clock of longer units frames would lie further apart than lines are followed, and lags than are looked for.
+@given(seeds, faults, st.floats(0.01, 2.5), st.floats(-1e4, 1e4))
 def test_the_clocks_unit_and_start_change_no_more_than_its_words(seed, fault, unit, start):
     rows = rows_of(seed, fault)
     time = np.array([repr(float(text) * unit + start) for text in rows.extra["time_s"]])

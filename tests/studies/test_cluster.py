@@ -1,8 +1,6 @@
 """A real scheduler and real workers as processes on loopback: killed, joined and restarted, with the same results."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -112,13 +110,13 @@ def test_a_worker_killed_half_way_loses_nothing(study, reference, tmp_path, monk
 
         def kill_half_way(done, total):
             if done >= total / 3 and not killed_at:
-                os.kill(victim.pid, signal.SIGKILL)
+                victim.kill()
                 killed_at.append(done)
 
         store = run_study(load_study(study), tmp_path / "out", workers, progress=kill_half_way)
         assert killed_at
         assert killed_at[0] < 4800
-        assert victim.wait() == -signal.SIGKILL
+        assert victim.wait() != 0
         assert survivor.poll() is None
         assert store.digest == reference
 
@@ -130,8 +128,8 @@ def test_a_client_killed_half_way_is_continued_by_workers_that_joined_later(stud
         command += ["--scheduler", cluster_.address, "--no-figure"]
         client = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         wait_until(lambda: shard_count(out) >= 2)
-        os.kill(client.pid, signal.SIGKILL)
-        assert client.wait() == -signal.SIGKILL
+        client.kill()
+        assert client.wait() != 0
         assert not json.loads((out / "manifest.json").read_text())["complete"]
         done = shard_count(out)
         cluster_.add_worker()

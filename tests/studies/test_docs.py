@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 from sonocal.studies import METHODS, Scene, built_in_names, load_study
@@ -13,9 +12,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "studies.md").read_text(encoding="u
 
 
 def test_the_study_on_the_page_is_one(tmp_path):
-    text = textwrap.dedent(
-        re.search(r"(    name = \"short-needle\".*?)\n\n\|", PAGE, flags=re.DOTALL).group(1)
-    )
+    text = re.search(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL).group(1)
     path = tmp_path / "short-needle.toml"
     path.write_text(text)
     study = load_study(path)

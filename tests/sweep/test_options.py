@@ -159,6 +159,6 @@ def test_who_gives_the_name_of_a_file_for_lines_is_told_how_to_read_it(name):
     with pytest.raises(sc.InputError) as caught:
         sc.calibrate_recording(recording, name)
     assert str(caught.value) == (
-        "a list of lines is needed; got the name 'needle.toml': read them from the file with "
+        "lines must be a list of lines; got the name 'needle.toml': read them from the file with "
         "lines, fixed = sonocal.targets.read_lines(name)"
     )

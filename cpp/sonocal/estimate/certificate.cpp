@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -23,8 +24,8 @@
 namespace sonocal {
 namespace {
 
-// Of the form's trace: eigenvalues up to this are zero.
-constexpr double kZero = 1e-10;
+// Of the form's trace: eigenvalues up to this are zero, and slopes up to that.
+constexpr double kZero = 1e-12, kLevel = 1e-9;
 // An answer that refinement moves further than this was none.
 constexpr double kMoved = 1e-5;
 
@@ -39,21 +40,31 @@ struct AtAnswer {
   using Square = Eigen::Matrix<double, 3 * kColumns, 3 * kColumns>;
   Square form;
   Eigen::Matrix<double, kColumns, kColumns> slope;  // G, its first rows
+  double unrest;  // of the turns and growths that the model has, the slope that is left
 
-  AtAnswer(const NormalEquations& equations, const Transform& at) {
+  AtAnswer(const NormalEquations& equations, const Transform& at, Model model, bool scale_known) {
     const RotationScaleCost<kColumns> cost(equations, at.translation);
     const auto gradient = cost.gradient(columns_of<kColumns>(at));
+    Eigen::Matrix<double, 3, kColumns> all;
     for (int j = 0; j < kColumns; ++j) {
       const Matrix3d turned = at.scales[j] * at.rotation;
-      const Vector3d g = turned.transpose() * gradient.template segment<3>(3 * j);
-      slope.col(j) = g.template head<kColumns>();
+      all.col(j) = turned.transpose() * gradient.template segment<3>(3 * j);
       for (int i = 0; i < kColumns; ++i) {
         const Matrix3d block = cost.curvature().template block<3, 3>(3 * i, 3 * j);
         form.template block<3, 3>(3 * i, 3 * j) = at.scales[i] * at.rotation.transpose() * block * turned;
       }
     }
+    slope = all.template topRows<kColumns>();
+    unrest = (slope - slope.transpose()).cwiseAbs().maxCoeff();
+    if (kColumns == 2) unrest = std::max(unrest, all.row(2).cwiseAbs().maxCoeff());
+    if (model == Model::kAnisotropic)
+      unrest = std::max(unrest, slope.diagonal().cwiseAbs().maxCoeff());
+    else if (!scale_known)
+      unrest = std::max(unrest, std::fabs(slope.trace()));
     slope = 0.5 * (slope + slope.transpose()).eval();
   }
+
+  bool at_rest() const { return unrest <= kLevel * form.trace(); }
 
   // The form less the multipliers (kColumns x kColumns) of the columns' lengths and angles.
   Square less(const Eigen::Matrix<double, kColumns, kColumns>& multipliers) const {
@@ -65,8 +76,8 @@ struct AtAnswer {
   }
 };
 
-bool rested(const Transform& a, const Transform& start) {
-  return (a.matrix() - start.matrix()).cwiseAbs().maxCoeff() < kMoved;
+bool near(const Transform& a, const Transform& b) {
+  return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff() < kMoved;
 }
 
 double least_of(const SmallMatrix& form) { return symmetric_eigenvalues(form)[0]; }
@@ -139,7 +150,8 @@ Pencil<10, kFreeMinors>::Moves free_minors() {
 
 Certificate of_two_columns(const NormalEquations& equations, const Transform& at, Model model,
                            bool scale_known) {
-  const AtAnswer<2> answer(equations, at);
+  const AtAnswer<2> answer(equations, at, model, scale_known);
+  if (!answer.at_rest()) return Certificate::kNotShown;
   const double zero = kZero * answer.form.trace();
   Eigen::Matrix2d multipliers = answer.slope;
   if (model == Model::kAnisotropic) multipliers.diagonal().setZero();
@@ -156,7 +168,8 @@ Certificate of_two_columns(const NormalEquations& equations, const Transform& at
 }
 
 Certificate of_three_columns(const NormalEquations& equations, const Transform& at, bool scale_known) {
-  const AtAnswer<3> answer(equations, at);
+  const AtAnswer<3> answer(equations, at, Model::kSimilarity, scale_known);
+  if (!answer.at_rest()) return Certificate::kNotShown;
   const double zero = kZero * answer.form.trace();
   const AtAnswer<3>::Square plain = answer.less(answer.slope);
   const double least = least_of(SmallMatrix(plain));
@@ -244,7 +257,7 @@ Certificate certificate(const Table& table, const bool* chosen, const Transform&
           : weighted_cost(NoiseModel(rows, sightings_of(table), table.noise, selector, kChosen), start,
                           options.levels);
   const Refinement refined = refine(equations, start, options.model, kFinalIterations);
-  if (!(refined.converged && rested(refined.transform, start))) return Certificate::kNotShown;
+  if (!near(refined.transform, start)) return Certificate::kNotShown;
   return certificate(equations, refined.transform, options.model);
 }
 
@@ -258,7 +271,7 @@ Certificate certificate(const Correspondences& all, const bool* chosen, const do
   const Transform start = frames.normalised(at);
   if (fixed_scale > 0) return certificate(equations, start, Model::kSimilarity, true);
   const Refinement refined = refine(equations, start, Model::kSimilarity, kFinalIterations);
-  if (!(refined.converged && rested(refined.transform, start))) return Certificate::kNotShown;
+  if (!near(refined.transform, start)) return Certificate::kNotShown;
   return certificate(equations, refined.transform, Model::kSimilarity);
 }
 

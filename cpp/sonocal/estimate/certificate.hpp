@@ -21,7 +21,7 @@ Certificate certificate(const Table& table, const bool* chosen, const Transform&
 Certificate certificate(const Correspondences& all, const bool* chosen, const double* weights,
                         double fixed_scale, const Transform& at);
 
-// Of a quadratic cost at a transform where it has no slope.
+// Of a quadratic cost at a transform; where it has a slope, kNotShown.
 Certificate certificate(const NormalEquations& equations, const Transform& at, Model model,
                         bool scale_known = false);
 

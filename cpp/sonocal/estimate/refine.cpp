@@ -14,13 +14,14 @@ constexpr double kSmallestDamping = 1e-12;
 constexpr double kLargestDamping = 1e12;
 // Parameters are of order one (normalised coordinates): a step below this moves nothing.
 constexpr double kConvergedStep = 1e-11;
+
 template <int kColumns, int kScales>
 Refinement descend(const NormalEquations& equations, const Transform& start, int max_iterations) {
   constexpr int kParameters = 3 + kScales;
   const RotationScaleCost<kColumns> cost(equations, start.translation);
   auto columns = columns_of<kColumns>(start);
   Refinement result{start, cost.at(columns), 0, false};
-  Eigen::Matrix<double, kParameters, kParameters> jtj, damped;
+  Eigen::Matrix<double, kParameters, kParameters> jtj, newton, damped;
   Eigen::Matrix<double, kParameters, 1> jtr, step;
   Eigen::Matrix<double, 6 + kScales, 1> tangent = Eigen::Matrix<double, 6 + kScales, 1>::Zero();
   double damping = kFirstDamping;
@@ -29,11 +30,20 @@ Refinement descend(const NormalEquations& equations, const Transform& start, int
   bool stuck = false;
   while (result.iterations < max_iterations && !result.converged && !stuck) {
     ++result.iterations;
-    cost.template linearise<kScales>(columns, jtj, jtr);
+    cost.template linearise<kScales>(columns, jtj, jtr, newton);
     while (true) {
-      damped = jtj;
+      // Of large residuals J'J leaves out what bends the cost, and comes to rest slowly or not at all. Where
+      // the cost is bent downwards it is what still leads down.
+      damped = newton;
       damped.diagonal() *= 1.0 + damping;
-      step = -Ldlt<kParameters>(damped).solve(jtr);
+      const Ldlt<kParameters> bent(damped);
+      if (bent.least_pivot() > 0) {
+        step = -bent.solve(jtr);
+      } else {
+        damped = jtj;
+        damped.diagonal() *= 1.0 + damping;
+        step = -Ldlt<kParameters>(damped).solve(jtr);
+      }
       tangent.template head<3>() = step.template head<3>();
       tangent.template tail<kScales>() = step.template tail<kScales>();
       const Transform next = retract<6 + kScales>(result.transform, tangent);

@@ -57,13 +57,32 @@ class RotationScaleCost {
   Vector gradient(const Vector& s) const { return product(h_, s) + g_; }
   const Square& curvature() const { return h_; }
 
-  // J'J and J'r by (turn, log scales).
+  // J'J, J'r and half the cost's second derivatives by (turn, log scales).
   template <int kScales>
   void linearise(const Vector& s, Eigen::Matrix<double, 3 + kScales, 3 + kScales>& jtj,
-                 Eigen::Matrix<double, 3 + kScales, 1>& jtr) const {
+                 Eigen::Matrix<double, 3 + kScales, 1>& jtr,
+                 Eigen::Matrix<double, 3 + kScales, 3 + kScales>& newton) const {
     const auto d = columns_jacobian<kColumns, kScales>(s);
+    const Vector slope = gradient(s);
     jtj = transposed_product(d, product(h_, d));
-    jtr = transposed_product(d, gradient(s));
+    jtr = transposed_product(d, slope);
+    newton = jtj;
+    for (int column = 0; column < kColumns; ++column) {
+      const Vector3d c = s.template segment<3>(3 * column), g = slope.template segment<3>(3 * column);
+      const double along = g.dot(c);
+      for (int i = 0; i < 3; ++i) {
+        newton(i, i) -= along;
+        for (int j = 0; j < 3; ++j) newton(i, j) += 0.5 * (g[i] * c[j] + c[i] * g[j]);
+      }
+      if (kScales > 1 && column >= kScales) continue;
+      const int growth = kScales == 1 ? 3 : 3 + column;
+      const Vector3d turned = cross(c, g);
+      for (int i = 0; i < 3; ++i) {
+        newton(i, growth) += turned[i];
+        newton(growth, i) += turned[i];
+      }
+      newton(growth, growth) += along;
+    }
   }
 
   Vector3d translation(const Vector& s) const { return constant_ - product(by_columns_, s); }

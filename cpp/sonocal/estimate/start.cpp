@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "sonocal/estimate/certificate.hpp"
 #include "sonocal/estimate/refine.hpp"
 
 namespace sonocal {
@@ -192,6 +193,21 @@ std::vector<Transform> other_answers(const PointLines& rows, Sampler& sampler, c
   return found;
 }
 
+// The best of what few rows are fitted by, where the answer is not shown to be: refinement ends at the
+// nearest.
+template <class Sampler>
+Transform best_of_few(const PointLines& rows, Sampler& sampler, const Transform& answer, double limit,
+                      sonocal::Model model) {
+  Column squares;
+  rows.squared_distances(answer, squares);
+  const NormalEquations cost = rows.geometric_cost(squares, limit);
+  if (certificate(cost, answer, model) == Certificate::kOptimal) return answer;
+  Transform best = answer;
+  for (const Transform& other : other_answers(rows, sampler, answer, limit, model))
+    if (cost.cost(other) < cost.cost(best)) best = other;
+  return best;
+}
+
 template <class Sampler>
 Start consensus_with(const PointLines& rows, Sampler sampler, const Options& options) {
   Start start;
@@ -214,9 +230,12 @@ Start consensus_with(const PointLines& rows, Sampler sampler, const Options& opt
       start.limit = std::max(squares[squares.size() / 2] * kChi2Most / kChi2Median, 1e-24);
     }
   }
-  if (options.weighting == Weighting::kLikelihood && sampler.enumerable() &&
-      combinations(sampler.units(), sampler.sample_size()) <= options.consensus.exhaustive_samples)
+  const bool few = sampler.enumerable() && combinations(sampler.units(), sampler.sample_size()) <=
+                                               options.consensus.exhaustive_samples;
+  if (few && options.weighting == Weighting::kLikelihood)
     start.others = other_answers(rows, sampler, start.transform, start.limit, options.model);
+  else if (few)
+    start.transform = best_of_few(rows, sampler, start.transform, start.limit, options.model);
   return start;
 }
 

@@ -6,8 +6,8 @@
 
 namespace sonocal {
 
-// P' L D L' P with the greatest pivot first, of the lower triangle. Sizes from 2 to 8, 10 and 14, compiled once in
-// ldlt.cpp from plain loops: Eigen's, of a fixed size, takes seconds wherever it is used.
+// P' L D L' P with the greatest pivot first, of the lower triangle. Sizes from 2 to 8, 10 and 14, compiled
+// once in ldlt.cpp from plain loops: Eigen's, of a fixed size, takes seconds wherever it is used.
 template <int kSize>
 class Ldlt {
  public:

@@ -80,7 +80,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     Source: paper sections 5 to 9.
     """
     asked = Options.of(**options)
-    require(observations, Observations, "a table of sightings (see read_observations)")
+    require("observations", observations, Observations)
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
 
     # The transform that most rows agree with, refined on those that do.

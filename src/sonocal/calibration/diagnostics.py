@@ -13,6 +13,7 @@ from sonocal.calibration.bent import likeliest_of_needle
 from sonocal.calibration.distortion import likeliest_of_image
 from sonocal.calibration.groupings import Groupings
 from sonocal.calibration.result import Calibration
+from sonocal.calibration.thickness import likeliest_of_slice
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.ambiguity import Rival
@@ -248,7 +249,7 @@ def fit_findings(
         yield from stretched
         return
     area, _, area_name = accepted
-    looks = (likeliest_of_image, likeliest_of_needle)
+    looks = (likeliest_of_image, likeliest_of_needle, likeliest_of_slice)
     likely = [one for look in looks if (one := look(mapped, fit, noise, groupings, (area, area_name)))]
     # What one of these leaves in the residuals may look like the other.
     if likely:

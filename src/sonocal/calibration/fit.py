@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from sonocal.calibration.options import Options
 from sonocal.calibration.rows import check_rows, point_line_rows
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
@@ -26,6 +27,9 @@ class FittedRows(NamedTuple):
     table: PointLineRows
     fit: Fit
     mirrored: Fit | None
+
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def fit_rows(rows: Observations, options: Options) -> FittedRows:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST
+from sonocal.geometry.shown import brief
 from sonocal.registration.options import Model, Weighting, positive_number, true_or_false
 from sonocal.registration.options import Options as RegistrationOptions
 
@@ -53,6 +54,8 @@ class Options(RegistrationOptions):
     scanner_mm_per_px: float | tuple[float, float] | None = None
     marker_above_image: bool = False
     expected_rotation: tuple[tuple[float, ...], ...] | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         super().__post_init__()

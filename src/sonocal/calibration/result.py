@@ -13,10 +13,11 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal.calibration.in_session import InSession
 from sonocal.calibration.options import Options
 from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sigma
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import FormatError, InputError, UnsupportedError
+from sonocal.errors import FormatError, InputError, UnsupportedError, require
 from sonocal.files import path_of, read_bytes, write_atomically
 from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.findings import Diagnostic, Findings
@@ -37,7 +38,7 @@ FAR_PX = 1e6
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(InSession):
     """The map from the image's pixels to the probe marker's frame, and how far to trust it.
 
     Attributes:
@@ -217,6 +218,7 @@ class Calibration:
 
 def calibration_json(calibration: Calibration) -> bytes:
     """The calibration as the text of its file."""
+    require("calibration", calibration, Calibration)
     transform = calibration.probe_from_image
     record = Record(
         format=FORMAT,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["ErrorStatistics", "log_interval", "rms_interval"]
 
@@ -35,6 +36,8 @@ class ErrorStatistics:
     median_mm: float
     p95_mm: float
     max_mm: float
+
+    __repr__ = brief
 
     @classmethod
     def of(cls, counted_mm: Array, observations: int, inliers: int) -> ErrorStatistics:

@@ -15,6 +15,7 @@ from sonocal.cli.from_recording import (
     Result,
     from_recording,
 )
+from sonocal.cli.help import DETECTING, READING, SET_UP, command
 from sonocal.cli.options import (
     ANGLES,
     CENTRE,
@@ -62,7 +63,31 @@ OF_TABLES = ("fit_split", "test_split")
 OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
 
 
-@click.command(short_help="Calibrate from a table of sightings (CSV) or from a recording.")
+@command(
+    "Calibrate from a table of sightings (CSV) or from a recording.",
+    groups={
+        "What is read": ("lines", "points", *READING, "image_size_px", "fit_split", "test_split"),
+        "How the needle is found in images": DETECTING,
+        "How rows are fitted": (
+            "model",
+            "threshold_mm",
+            "weighting",
+            "sigma_px",
+            "sigma_mm",
+            "max_samples",
+            "seed",
+        ),
+        "What is known of the set-up": (*SET_UP, "transform", "stored_as"),
+        "What is written and shown": ("output", "tolerance_mm", "report", "overwrite", "as_json"),
+    },
+    examples=(
+        "sonocal calibrate needle.csv",
+        "sonocal calibrate sweep.igs.mha --lines needle.toml -o calibration",
+        "sonocal calibrate sweep.igs.mha --lines needle.toml --points points.csv -o from-points",
+        "sonocal calibrate needle.csv --test-split test --scanner-mm-per-px 0.24 -o held-out",
+        "sonocal calibrate - -o piped < needle.csv",
+    ),
+)
 @click.argument("source", metavar="INPUT", type=FILE)
 @output_folder("calibration", "calibration.json, report.html and what led to them")
 @LINES
@@ -90,6 +115,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
 @click.option(
     "--threshold-mm",
     type=Threshold(),
+    metavar="MM|auto",
     default=5.0,
     show_default=True,
     help='Rows further than this from their line are outliers; "auto": from the noise. Less where wires are near.',
@@ -116,6 +142,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
     "--image-size",
     "image_size_px",
     type=Size(),
+    metavar="WxH[xD]",
     help="Image size, px, for predicted errors at its corners.  [default: the table's or the recording's]",
 )
 @click.option(
@@ -144,15 +171,14 @@ def calibrate(
 ) -> None:
     """Calibrate from a table of sightings (CSV), or from a recording.
 
+    INPUT is one of these, or - for a table that is piped in:
+
     \b
-    INPUT is one of
-      a table: one row a point, with frame, target, u_px, v_px[, w_px] and the
-        end points of the line that was seen there, x0_mm ... z1_mm, in the
-        probe marker's frame. With w_px the probe is 3D, and two or more rows
-        of one frame and target give the needle's line;
-      a recording, with --lines: the needle is found in its images, and
-        contact-sheet.png shows where;
-      a recording, with --lines and --points: the points are given.
+    a table      one row a point, with frame, target, u_px, v_px[, w_px] and the end points of the line that was
+                 seen there, x0_mm ... z1_mm, in the probe marker's frame. With w_px the probe is 3D, and two or
+                 more rows of one frame and target give the needle's line
+    a recording  with --lines: the needle is found in its images, and contact-sheet.png shows where; with --points,
+                 too, the points are given
 
     From a recording, observations.csv is written too: the sightings that the calibration rests on.
     """  # noqa: D301 - click leaves the lines below the escape alone

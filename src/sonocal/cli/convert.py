@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sonocal.cli.options import ANGLES, FILE, INVALID, LATENCY, MARKERS, POSES, progress
+from sonocal.cli.help import command
+from sonocal.cli.options import ANGLES, FILE, INVALID, LATENCY, MARKERS, POSES, WRITTEN, progress
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say
@@ -20,12 +21,22 @@ if TYPE_CHECKING:
 __all__ = ["convert"]
 
 
-@click.command(short_help="Write a recording in another format.")
+@command(
+    "Write a recording in another format.",
+    groups={
+        "What is read": ("poses", "angles", "markers", "latency_s", "on_invalid"),
+        "What is written": ("output", "without_images", "raw", "overwrite"),
+    },
+    examples=(
+        "sonocal convert sweep.igs.mha -o sweep.nrrd",
+        "sonocal convert sweep.igs.mha --without-images -o poses.csv",
+    ),
+)
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option(
     "-o",
     "--output",
-    type=FILE,
+    type=WRITTEN,
     required=True,
     help="File to write: .mha, .mhd, .nrrd, .csv of poses, or .mkv.",
 )
@@ -45,11 +56,9 @@ def convert(
     """Write a recording (RECORDING) in another format, by the name of the output.
 
     \b
-    .mha, .mhd, .nrrd    a PLUS sequence: images, poses, stamps, statuses and
-                         fields, to the last bit
-    .csv                 a table of poses, of a tracker or --without-images
-    .mkv                 a video without loss, and the table of poses of the
-                         same name beside it; 8 bits, stamps to the ms
+    .mha, .mhd, .nrrd  a PLUS sequence: images, poses, stamps, statuses and fields, to the last bit
+    .csv               a table of poses, of a tracker or --without-images
+    .mkv               a video without loss, and the table of poses of the same name beside it; 8 bits, stamps to the ms
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.recording.formats import write_recording
     from sonocal.recording.formats.registry import files_written

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from sonocal.cli.help import command
 from sonocal.cli.options import (
     NO_REPORT,
     console,
@@ -21,7 +22,17 @@ from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 __all__ = ["demo"]
 
 
-@click.command(short_help="Simulate a sweep, calibrate it and open the report.")
+@command(
+    "Simulate a sweep, calibrate it and open the report.",
+    groups={
+        "What is simulated": ("dimension", "needles", "outliers", "seed"),
+        "What is written": ("output", "report", "overwrite"),
+    },
+    examples=(
+        "sonocal demo",
+        "sonocal demo --dimension 3 --outliers 0.4 -o solid",
+    ),
+)
 @output_folder("sonocal-demo", "observations.csv, calibration.json and report.html")
 @click.option(
     "--dimension", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Of the probe."

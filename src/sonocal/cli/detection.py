@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from sonocal.cli.help import DETECTING, READING, command
 from sonocal.cli.options import (
     ANGLES,
     CENTRE,
@@ -20,6 +21,7 @@ from sonocal.cli.options import (
     MASK,
     POSES,
     PROBE,
+    WRITTEN,
     output_folder,
     progress,
     seed,
@@ -31,7 +33,19 @@ from sonocal.cli.screen.plain import say
 __all__ = ["COMMANDS"]
 
 
-@click.command(short_help="Write a simulated recording and its needle, to try things on.")
+@command(
+    "Write a simulated recording and its needle, to try things on.",
+    groups={
+        "What is simulated": ("probe", "look", "frames", "rate_hz", "hidden_share", "overlay", "seed"),
+        "What is wrong with it": ("sigma_px", "sigma_mm", "dropout_share", "latency_s"),
+        "What is written": ("output", "overwrite"),
+    },
+    examples=(
+        "sonocal simulate -o simulated",
+        "sonocal simulate --probe linear --look bath --frames 200 -o in-water",
+        "sonocal simulate --latency 0.08 --dropouts 0.1 -o with-faults",
+    ),
+)
 @output_folder("simulated", "sweep.igs.mha, needle.toml and truth.json")
 @click.option(
     "--probe",
@@ -104,13 +118,24 @@ def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options:
     say(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
 
 
-@click.command(short_help="Find the needle in a recording's images.")
+@command(
+    "Find the needle in a recording's images.",
+    groups={
+        "What is read": ("lines", *READING),
+        "How the needle is found": DETECTING,
+        "What is written": ("output", "sheet", "overwrite"),
+    },
+    examples=(
+        "sonocal detect sweep.igs.mha --lines needle.toml -o candidates.csv",
+        "sonocal detect sweep.igs.mha --lines needle.toml -o few.csv --count 2 --sheet contact-sheet.png",
+    ),
+)
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @LINES
 @click.option(
-    "-o", "--output", type=FILE, default=Path("candidates.csv"), show_default=True, help="Table to write."
+    "-o", "--output", type=WRITTEN, default=Path("candidates.csv"), show_default=True, help="Table to write."
 )
-@click.option("--sheet", type=FILE, help="Contact sheet (PNG) to write.")
+@click.option("--sheet", type=WRITTEN, help="Contact sheet (PNG) to write.")
 @POSES
 @ANGLES
 @MARKERS

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from sonocal.cli.options import console, typed
-from sonocal.cli.screen.plain import say_json
+from sonocal.cli.screen.plain import say, say_json
+from sonocal.files import write_into_folder
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
@@ -28,11 +30,10 @@ __all__ = [
 ]
 
 CHOICE = ("transform", "stored_as")
-# What needs a calibration of ours: it has observations, an uncertainty, a report.
+# What needs a calibration of ours: it has observations and an uncertainty.
 OF_OURS = {
     "expected": "compare it with --compare instead",
     "marker_above_image": "compare it with --compare instead",
-    "output": "no report is made of a matrix alone",
 }
 
 
@@ -78,9 +79,11 @@ def validate_existing(
     *,
     split: str | None,
     scanner_mm_per_px: float | None,
+    page: Path | None,
     as_json: bool,
 ) -> None:
-    """Show what a matrix is worth: measured, and beside our own calibration of the same rows."""
+    """Show what a matrix is worth: measured, and beside our own calibration of the same rows; write the page."""
+    from sonocal.cli.matrix_report import matrix_report_files
     from sonocal.cli.screen.existing import print_worth
     from sonocal.existing.difference import difference
     from sonocal.existing.worth import worth_of, worth_on_points
@@ -106,10 +109,15 @@ def validate_existing(
             worth = replace(worth, source=measured.recording.name)
     area = _box(seen) if worth.own is None else worth.own.area_px
     apart = None if other is None else difference(existing, other, area, "the other")
+    files = {} if page is None else matrix_report_files(worth, apart, name=page.name)
+    if page is not None:
+        write_into_folder(page.parent, files)
     if as_json:
         say_json(_record(worth) | ({} if apart is None else {"comparison": apart_record(apart)}))
         return
     print_worth(console(), worth, apart)
+    if files:
+        say(f"Wrote {page}")
 
 
 def _said(scanner_mm_per_px: float | None, measured: Measured) -> Said | None:

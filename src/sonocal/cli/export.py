@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal.cli.existing import choice_of, of_other_software, refuse_choice
-from sonocal.cli.options import FILE, console
+from sonocal.cli.help import command
+from sonocal.cli.options import FILE, WRITTEN, console
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say
 from sonocal.errors import InputError
@@ -22,7 +23,19 @@ if TYPE_CHECKING:
 __all__ = ["export"]
 
 
-@click.command(short_help="Write a calibration for PLUS, ITK or 3D Slicer.")
+@command(
+    "Write a calibration for PLUS, ITK or 3D Slicer.",
+    groups={
+        "What is read": ("transform", "stored_as"),
+        "What is written": ("form", "output", "into", "image", "probe", "force", "overwrite"),
+    },
+    examples=(
+        "sonocal export calibration.json --to plus -o plus.xml",
+        "sonocal export calibration.json --to plus --into devices.xml -o calibrated.xml",
+        "sonocal export calibration.json --to slicer -o ImageToProbe.h5",
+        "sonocal export plus.xml --to itk -o ImageToProbe.tfm",
+    ),
+)
 @click.argument("calibration", metavar="CALIBRATION", type=FILE)
 @click.option(
     "--to",
@@ -31,7 +44,7 @@ __all__ = ["export"]
     required=True,
     help="The software to export for.",
 )
-@click.option("-o", "--output", type=FILE, required=True, help="File to write.")
+@click.option("-o", "--output", type=WRITTEN, required=True, help="File to write.")
 @click.option("--into", type=FILE, help="plus: a device set (XML) to put the matrix into; the rest stays.")
 @click.option(
     "--image", default="Image", show_default=True, help="plus: what the device set calls the image's frame."
@@ -55,8 +68,8 @@ def export(
     """Write a calibration for other software: calibration.json, or a matrix of one program for another.
 
     \b
-    plus    a device set (XML) whose ImageToProbe transform is the calibration;
-            with --into, an existing device set that differs in it alone
+    plus    a device set (XML) whose ImageToProbe transform is the calibration; with --into, an existing device set that
+            differs in it alone
     itk     an affine transform, .tfm or .h5, that maps pixels to mm as we do
     slicer  the same for 3D Slicer: in LPS, and the inverse, as its files are
     json    the calibration file, brought up to date

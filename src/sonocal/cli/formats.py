@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.existing.formats import FORMATS as MATRICES
 from sonocal.existing.formats import read_existing
-from sonocal.files.elsewhere import NAMES, USES, is_known_points, is_observations, is_points
+from sonocal.files.elsewhere import (
+    NAMES,
+    USES,
+    is_known_points,
+    is_observations,
+    is_own_page,
+    is_points,
+    is_study,
+    is_truth,
+)
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, Kind, recognise, refuse_container, suffixes_of
 from sonocal.recording.formats import pose_csv
 from sonocal.recording.formats.registry import FORMATS as RECORDINGS
@@ -27,6 +36,9 @@ if TYPE_CHECKING:
     from sonocal.existing import Choice, Existing
     from sonocal.geometry import Array
     from sonocal.observations import Observations
+    from sonocal.report.page_file import Page
+    from sonocal.simulation.truth_file import KnownTruth
+    from sonocal.studies.results_file import StudyResults
     from sonocal.targets import Line
     from sonocal.validation import PointSightings
 
@@ -157,7 +169,7 @@ def _quoted(words: Iterable[str]) -> str:
 
 
 def _what_is_read() -> str:
-    plain = [one for one in FORMATS if not one.header]
+    plain = [one for one in FORMATS if not one.header and one not in OTHER_RECORDS]
     kinds = dict.fromkeys(one.kind for one in plain)
     files = [f"{_plural(kind)} ({suffixes_of(one for one in plain if one.kind == kind)})" for kind in kinds]
     tables = [one for one in FORMATS if one.header]
@@ -177,7 +189,7 @@ ADVICE = (
 
 
 def _plural(kind: Kind) -> str:
-    return {"matrix": "matrices"}.get(kind, kind if kind.endswith("s") else f"{kind}s")
+    return {"matrix": "matrices", "study": "studies"}.get(kind, kind if kind.endswith("s") else f"{kind}s")
 
 
 def _observations(path: Path) -> Observations:
@@ -202,6 +214,24 @@ def _known_points(path: Path) -> PointSightings:
     from sonocal.validation import read_point_sightings
 
     return read_point_sightings(path)
+
+
+def _study(path: Path) -> StudyResults:
+    from sonocal.studies.results_file import read_results
+
+    return read_results(path)
+
+
+def _truth(path: Path) -> KnownTruth:
+    from sonocal.simulation.truth_file import read_truth
+
+    return read_truth(path)
+
+
+def _page(path: Path) -> Page:
+    from sonocal.report.page_file import read_page
+
+    return read_page(path)
 
 
 def _write_calibration(calibration: Calibration, path: Path) -> None:
@@ -239,12 +269,39 @@ TABLES: tuple[Format, ...] = (
         holds="for `sonocal validate --crosswire`",
     ),
 )
+# Beside calibrations: what else is written, and read by `sonocal info` alone.
+OTHER_RECORDS: tuple[Format, ...] = (
+    Format(
+        name="results of a study",
+        kind="study",
+        suffixes=(".json", ".csv"),
+        sniff=is_study,
+        read=_study,
+        holds="what `sonocal study` answered, from its folder or a file in it",
+    ),
+    Format(
+        name="truth of a simulated sweep",
+        kind="truth",
+        suffixes=(".json",),
+        sniff=is_truth,
+        read=_truth,
+        holds="what `sonocal simulate` made it with",
+    ),
+    Format(
+        name="page of sonocal",
+        kind="page",
+        suffixes=(".html",),
+        sniff=is_own_page,
+        read=_page,
+        holds="the verdict and the matrix of `report.html` and `validation.html`",
+    ),
+)
 CALIBRATIONS: tuple[Format, ...] = (
     Format(
         name="calibration",
         kind="calibration",
         suffixes=(".json",),
-        sniff=lambda head: head.text.startswith(b"{"),
+        sniff=lambda head: head.text.startswith(b"{") and not any(one.sniff(head) for one in OTHER_RECORDS),
         read=own_calibration_in,
         holds="all that `sonocal calibrate` found",
         write=_write_calibration,
@@ -252,4 +309,4 @@ CALIBRATIONS: tuple[Format, ...] = (
     ),
 )
 # Tables of sightings come before tables of poses: their further columns are free.
-FORMATS: tuple[Format, ...] = (*TABLES, *TARGETS, *CALIBRATIONS, *MATRICES, *RECORDINGS)
+FORMATS: tuple[Format, ...] = (*TABLES, *OTHER_RECORDS, *TARGETS, *CALIBRATIONS, *MATRICES, *RECORDINGS)

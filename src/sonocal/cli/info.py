@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.help import command
 from sonocal.cli.options import (
     ANGLES,
     FILE,
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from sonocal.files.kinds import Kind
     from sonocal.findings import Diagnostic
     from sonocal.observations import Observations
+    from sonocal.report.page_file import Page
+    from sonocal.simulation.truth_file import KnownTruth
+    from sonocal.studies.results_file import StudyResults
     from sonocal.targets import DeviceSet, Targets
     from sonocal.validation import PointSightings
 
@@ -39,7 +43,19 @@ Shown = tuple[Any, Callable[[], None]]
 """What --json prints, and what prints the rest."""
 
 
-@click.command(short_help="Show what is in a file, and what is wrong with it.")
+@command(
+    "Show what is in a file, and what is wrong with it.",
+    groups={
+        "Of recordings": ("poses", "angles", "markers", "latency_s", "quick"),
+        "What is shown": ("as_json",),
+    },
+    examples=(
+        "sonocal info sweep.igs.mha",
+        "sonocal info calibration.json --json",
+        "sonocal info needle.toml",
+        "sonocal info - < needle.csv",
+    ),
+)
 @click.argument("file", metavar="FILE", type=FILE)
 @POSES
 @ANGLES
@@ -53,7 +69,8 @@ def info(file: Path, *, quick: bool, as_json: bool, **reading: Any) -> None:
     """Show what is in a file, and what is wrong with it.
 
     Recordings, tables of sightings or points, calibrations, needles (.toml), PLUS device sets, matrices of other
-    software (.tfm, .h5, a 4 x 4 as text or of NumPy): what they mean.
+    software (.tfm, .h5, a 4 x 4 as text or of NumPy): what they mean. Of what sonocal wrote: pages, the truth of a
+    simulation, what a study found, too.
     """
     from sonocal.cli.formats import format_of
 
@@ -174,6 +191,24 @@ def _matrices(_: str, found: Matrices, *, shown: Container[str] = ()) -> Shown:
     return record or {"tips": tips}, show
 
 
+def _truth(_: str, found: KnownTruth) -> Shown:
+    from sonocal.cli.screen.records import print_truth_file
+
+    return found, lambda: print_truth_file(console(), found)
+
+
+def _page(_: str, found: Page) -> Shown:
+    from sonocal.cli.screen.records import print_page
+
+    return found, lambda: print_page(console(), found)
+
+
+def _study(_: str, found: StudyResults) -> Shown:
+    from sonocal.cli.screen.study import print_results
+
+    return found, lambda: print_results(found)
+
+
 def _doubted(doubts: list[Diagnostic], show: Callable[[], None]) -> Callable[[], None]:
     """What prints the doubts first, then the rest."""
     from sonocal.cli.screen.parts import print_findings
@@ -192,6 +227,9 @@ _SCREENS: dict[Kind, Callable[[str, Any], Shown]] = {
     "known points": _known_points,
     "matrix": _matrices,
     "observations": _observations,
+    "page": _page,
     "points": _points,
+    "study": _study,
     "targets": _targets,
+    "truth": _truth,
 }

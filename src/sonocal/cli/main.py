@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import sys
 from typing import Any
 
 import click
@@ -13,7 +15,10 @@ from sonocal.cli.convert import convert
 from sonocal.cli.demo import demo
 from sonocal.cli.detection import COMMANDS
 from sonocal.cli.export import export
+from sonocal.cli.help import Commands
 from sonocal.cli.info import info
+from sonocal.cli.piped import without_spool
+from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
@@ -23,7 +28,7 @@ from sonocal.errors import SonocalError
 __all__ = ["main"]
 
 
-class _Commands(click.Group):
+class _Commands(Commands):
     """A group whose foreseen failures are one sentence and exit status 1; a bug keeps its traceback."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -31,7 +36,9 @@ class _Commands(click.Group):
             return super().invoke(ctx)
         except SonocalError as error:
             options = self.commands[ctx.invoked_subcommand].params if ctx.invoked_subcommand else []
-            raise click.ClickException(harmless(_in_options(str(error), options))) from None
+            raise click.ClickException(
+                harmless(without_spool(_in_options(str(error), options), ctx))
+            ) from None
 
 
 def _in_options(sentence: str, options: list[click.Parameter]) -> str:
@@ -49,7 +56,10 @@ def main() -> None:
 
     Start with "sonocal demo", then "sonocal calibrate observations.csv".
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Into a file or a pipe, Windows writes a code page that lacks letters which names of files may have.
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
-for _command in (demo, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
+for _command in (demo, sample, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
     main.add_command(_command)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.piped import Readable
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -28,6 +30,7 @@ __all__ = [
     "POSES",
     "PROBE",
     "SCANNER",
+    "WRITTEN",
     "Scale",
     "Size",
     "Threshold",
@@ -39,7 +42,8 @@ __all__ = [
     "typed",
 ]
 
-FILE = click.Path(path_type=Path)
+FILE = Readable()
+WRITTEN = click.Path(path_type=Path)
 
 
 class Size(click.ParamType[tuple[int, ...]]):
@@ -164,7 +168,7 @@ def output_folder(default: str, holds: str) -> Callable[[Any], Any]:
     return click.option(
         "-o",
         "--output",
-        type=FILE,
+        type=WRITTEN,
         default=Path(default),
         show_default=True,
         help=f"Folder for {holds}; made if absent.",

@@ -8,6 +8,7 @@ from typing import Any
 
 from sonocal.cli.screen.plain import say, say_json
 from sonocal.errors import SonocalError
+from sonocal.findings import anchor_of
 
 __all__ = ["refusing"]
 
@@ -29,9 +30,11 @@ def refusing(*, as_json: bool) -> Iterator[None]:
 
 
 def _record(error: SonocalError) -> dict[str, Any]:
+    code = getattr(error, "code", None)
     return {
         "error": str(error),
         "kind": type(error).__name__,
-        "code": getattr(error, "code", None),
+        "code": code,
+        "anchor": anchor_of(code) if code else None,
         "diagnostics": error.diagnostics,
     }

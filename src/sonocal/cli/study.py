@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.shell_completion import CompletionItem
 
-from sonocal.cli.options import console
+from sonocal.cli.help import command
+from sonocal.cli.options import WRITTEN, console
 from sonocal.cli.outputs import reserve
 from sonocal.cli.screen.plain import say, say_json
 from sonocal.errors import UnsupportedError
@@ -26,12 +28,32 @@ __all__ = ["study"]
 LINE_EVERY_S = 10.0
 
 
-@click.command(short_help="Answer a question of practice by thousands of simulated trials.")
-@click.argument("name", metavar="[NAME|FILE.toml]", required=False)
+def _names(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """What a shell may put in the place of a word that was begun."""
+    from sonocal.studies import built_in_names
+
+    names = [CompletionItem(name) for name in built_in_names() if name.startswith(begun)]
+    return names or [CompletionItem(begun, type="file")]
+
+
+@command(
+    "Answer a question of practice by thousands of simulated trials.",
+    groups={
+        "What is simulated": ("trials", "seed"),
+        "Who computes it": ("workers", "scheduler"),
+        "What is written and shown": ("output", "figure", "as_json"),
+    },
+    examples=(
+        "sonocal study",
+        "sonocal study needles",
+        "sonocal study needles --trials 100 -o quick",
+    ),
+)
+@click.argument("name", metavar="[NAME|FILE.toml]", required=False, shell_complete=_names)
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=WRITTEN,
     help="Folder for results, figure and summary; continued if it holds a part.  [default: study-NAME]",
 )
 @click.option(

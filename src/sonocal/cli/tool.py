@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.help import command
 from sonocal.cli.options import (
     ANGLES,
     FILE,
     INVALID,
     JSON,
     MARKERS,
+    WRITTEN,
     console,
     seed,
 )
@@ -61,12 +63,28 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
             self.fail(f"{value!r} is neither three numbers in mm nor a file", param, ctx)
 
 
-@click.command(short_help="Find where a tool's tip and shaft are in its marker's frame.")
+@command(
+    "Find where a tool's tip and shaft are in its marker's frame.",
+    groups={
+        "What was recorded": (
+            *("tool_name", "spin", "second", "frames", "spin_frames", "second_frames", "reference"),
+            *("angles", "markers", "on_invalid"),
+        ),
+        "What is known of the tool": ("length_mm", "stylus", "stylus_tip", "expected", "accept_units"),
+        "What is written and shown": ("output", "name", "seed", "overwrite", "as_json"),
+    },
+    examples=(
+        "sonocal tool pivot.igs.mha --tool Needle -o tip.toml",
+        "sonocal tool pivot.igs.mha --spin spin.igs.mha --tool Needle -o found.toml",
+        "sonocal tool touch.igs.mha --frames 0:60 --second-frames 70:139 --tool Needle --stylus Stylus "
+        "--stylus-tip stylus.toml -o touched.toml",
+    ),
+)
 @click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
 @click.option(
     "--tool", "tool_name", default="Needle", show_default=True, help="What the tool's marker is called."
 )
-@click.option("-o", "--output", type=FILE, help="File (.toml) to write.")
+@click.option("-o", "--output", type=WRITTEN, help="File (.toml) to write.")
 @click.option("--spin", type=FILE, help="Recording of the tool spun about its shaft.")
 @click.option(
     "--second", type=FILE, help="Recording of a pivot about, or touch of, a second point of the needle."
@@ -118,13 +136,6 @@ def tool(
     RECORDING --spin SPIN              both: the needle, from its tip
     RECORDING --second OTHER           two pivots: the needle through both points
     RECORDING --second OTHER --stylus  two touches with a calibrated stylus
-
-    \b
-    Examples:
-      sonocal tool pivot.igs.mha --tool Stylus -o stylus.toml
-      sonocal tool pivot.igs.mha --spin spin.igs.mha --tool Needle -o needle.toml
-      sonocal tool touch.igs.mha --frames 0:40 --second-frames 90:130
-        --tool Needle --stylus Stylus --stylus-tip stylus.toml -o needle.toml
 
     A needle is written as a [[line]], which "sonocal calibrate --lines" reads; a tip alone as a [[point]].
     """  # noqa: D301 - click leaves the lines below the escape alone

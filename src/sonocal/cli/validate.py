@@ -16,6 +16,7 @@ from sonocal.cli.existing import (
     refuse_choice,
     validate_existing,
 )
+from sonocal.cli.help import DETECTING, READING, SET_UP, command
 from sonocal.cli.measured import OF_RECORDINGS, Measured, read_measured
 from sonocal.cli.options import (
     ANGLES,
@@ -32,10 +33,12 @@ from sonocal.cli.options import (
     POSES,
     PROBE,
     SCANNER,
+    WRITTEN,
     console,
     seed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.piped import folder_of
 from sonocal.cli.screen.plain import say, say_json
 from sonocal.cli.told import ACCEPT_UNITS, EXPECTED, MARKER_ABOVE, rotation_of
 from sonocal.errors import InputError
@@ -66,14 +69,30 @@ class _NWire(click.ParamType[tuple[str, str, str]]):
         return names[0], names[1], names[2]
 
 
-@click.command(short_help="Say how far off a calibration is, whoever made it.")
+@command(
+    "Say how far off a calibration is, whoever made it.",
+    groups={
+        "What is read": ("lines", "points", *READING, "split", "crosswire", "nwires"),
+        "How the needle is found in images": DETECTING,
+        "What it is compared with": ("compare", "transform", "stored_as"),
+        "What is known of the set-up": SET_UP,
+        "What is written and shown": ("output", "seed", "report", "overwrite", "as_json"),
+    },
+    examples=(
+        "sonocal validate calibration.json needle.csv",
+        "sonocal validate calibration.json crosswire.csv --crosswire",
+        "sonocal validate calibration.json needle.csv --compare earlier/calibration.json --overwrite",
+        "sonocal validate plus.xml sweep.igs.mha --lines needle.toml",
+        "sonocal validate calibration.json - --no-report < needle.csv",
+    ),
+)
 @click.argument("calibration", metavar="CALIBRATION", type=FILE)
 @click.argument("source", metavar="INPUT", type=FILE)
 @click.option(
     "-o",
     "--output",
-    type=FILE,
-    help=f"Folder for {PAGE}.  [default: CALIBRATION's]",
+    type=WRITTEN,
+    help=f"Folder for {PAGE}.  [default: CALIBRATION's; none of a matrix of other software]",
 )
 @click.option("--split", metavar="NAME", help="Take the rows of this split as held out.")
 @click.option("--crosswire", is_flag=True, help="INPUT is a table of points.  [default: by its columns]")
@@ -122,17 +141,16 @@ def validate(
 ) -> None:
     """How far off is a calibration, on a table of sightings or points (CSV), or on a recording?
 
+    CALIBRATION is calibration.json, or a matrix of other software: a device set of PLUS (.xml), a transform of ITK or
+    3D Slicer (.tfm, .h5), a 4 x 4 (text, .npy). It is compared with our own calibration of INPUT, too.
+
+    INPUT is one of these, or - for a table that is piped in:
+
     \b
-    CALIBRATION is calibration.json, or a matrix of other software: a device
-    set of PLUS (.xml), a transform of ITK or 3D Slicer (.tfm, .h5), a 4 x 4
-    (text, .npy). It is compared with our own calibration of INPUT, too.
-    INPUT is one of
-      the calibration's own input: leave-one-out errors, repeatability, and
-        the held-out error of its test split;
-      other sightings, or a recording with --lines: their error;
-      points, with u_px, v_px and x_mm, y_mm, z_mm (where the point is known to
-        be) or probe_00 ... probe_23 (the probe's pose): projection
-        reconstruction accuracy, spread at a fixed cross-wire.
+    its own input    leave-one-out errors, repeatability, and the held-out error of its test split
+    other sightings  in a table, or in a recording with --lines: their error
+    points           with u_px, v_px and x_mm, y_mm, z_mm (where the point is known to be) or probe_00 ... probe_23 (the
+                     probe's pose): projection reconstruction accuracy, spread at a fixed cross-wire
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.formats import calibration_in
     from sonocal.existing import Existing
@@ -142,8 +160,9 @@ def validate(
         {name: options.pop(name) for name in (*OF_RECORDINGS, "accept_units")},
     )
     found = calibration_in(calibration, choice)
-    folder = calibration.parent if output is None else output
-    if report and not isinstance(found, Existing):
+    folder = folder_of(calibration) if output is None else output
+    page = folder / PAGE if report and (output is not None or not isinstance(found, Existing)) else None
+    if page is not None:
         _reserve_page(folder, calibration)
     others = [None if path is None else calibration_in(path, choice) for path in (compare, expected)]
     refuse_choice(found, *others)
@@ -151,7 +170,7 @@ def validate(
     measured = read_measured(source, lines, recorded, found, **how)
     if isinstance(found, Existing):
         of_matrix = {name: options[name] for name in ("split", "scanner_mm_per_px")}
-        validate_existing(found, others[0], measured, **of_matrix, as_json=as_json)
+        validate_existing(found, others[0], measured, **of_matrix, page=page, as_json=as_json)
         return
     expectation = others[1] or others[0]
     options["expected_rotation"] = None if expectation is None else rotation_of(expectation)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
-from sonocal.geometry import Array
+from sonocal.geometry import FURTHEST, Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["Detections", "order_within"]
 
@@ -47,6 +48,8 @@ class Detections:
     target: NDArray[np.str_] = field(default=_DEFAULT)
     images: int = field(default=_DEFAULT)
     source: str = "detections"
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         frame = np.asarray(self.frame)
@@ -97,9 +100,9 @@ class Detections:
         covariance = None
         if sigma_px is not None:
             sigma = np.broadcast_to(np.asarray(sigma_px, dtype=float), len(points))
-            if (row := _first(~(np.isfinite(sigma) & (sigma > 0)))) is not None:
+            if (row := _first(~((sigma > 0) & (sigma < FURTHEST)))) is not None:
                 raise InputError(
-                    f"{source}, row {row}, column sigma_px: {sigma[row]} is not a positive number; "
+                    f"{source}, row {row}, column sigma_px: {sigma[row]} is not a positive number below {FURTHEST:g}; "
                     "give a standard deviation, or drop the column"
                 )
             covariance = (sigma**2)[:, None, None, None] * np.eye(points.shape[1])

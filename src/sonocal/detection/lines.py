@@ -24,6 +24,7 @@ from sonocal.detection.line_search import (
 from sonocal.detection.points import PointDetector
 from sonocal.detection.slices import slice_volume
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = [
     "LineCandidate",
@@ -60,6 +61,8 @@ class LineCandidate:
     ends_px: Array
     covariance_px2: Array
     score: float
+
+    __repr__ = brief
 
     @property
     def direction(self) -> Array:

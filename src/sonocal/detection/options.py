@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import InputError
+from sonocal.geometry.shown import brief
 
 __all__ = ["CENTRES", "Centre", "DetectionOptions"]
 
@@ -34,6 +35,8 @@ class DetectionOptions:
     count: int | None = None
     mask: NDArray[np.bool_] | None = None
     centre: Centre | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         check_detection_options(self.count, self.mask, self.centre)

@@ -78,6 +78,10 @@ class PointDetector:
         )
         self._shape, self._count, self._least, self._centre = mask.shape, count, least_score, centre
 
+    def __repr__(self) -> str:
+        height, width = self._shape
+        return f"<PointDetector of images of {width} x {height} px: {self._count} candidates, centre {self._centre!r}>"
+
     def detect(self, image: NDArray[Any], name: str = "image") -> tuple[Array, Array, Array]:
         """Candidates of one image, best first.
 

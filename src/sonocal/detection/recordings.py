@@ -18,7 +18,7 @@ from sonocal.detection.lines import detect_line_near, detect_lines
 from sonocal.detection.masks import Mask, find_mask
 from sonocal.detection.options import DetectionOptions
 from sonocal.detection.points import LEAST_SCORE, PointDetector
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.geometry import Array, image_crossings
 from sonocal.recording import ImageGeometry, Recording
 from sonocal.recording.health import Progress
@@ -51,6 +51,7 @@ def detect(
     Raises:
         InputError: there are no images, or an option is not for such images.
     """
+    require("recording", recording, Recording)
     return detector_of(recording, options).detect(progress)
 
 

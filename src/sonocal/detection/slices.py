@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["VolumeSlice", "slice_volume"]
 
@@ -25,6 +26,8 @@ class VolumeSlice:
 
     image: NDArray[np.float32]
     volume_from_slice: Array
+
+    __repr__ = brief
 
     def to_volume(self, points_px: ArrayLike) -> Array:
         """(N, 3): voxels of points (N, 2) of the slice."""

@@ -12,6 +12,7 @@ from sonocal.errors import InputError
 from sonocal.existing.matrix import Existing, Form, Matrices, Stored, affine_inverse, in_form
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["AS", "Choice", "candidates", "chosen", "frames_in", "frames_of", "image_matrices"]
 
@@ -39,6 +40,8 @@ class Choice:
 
     transform: str | None = None
     stored_as: Form | None = None
+
+    __repr__ = brief
 
 
 def chosen(matrices: Matrices, choice: Choice | None = None) -> Existing:

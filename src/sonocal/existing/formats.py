@@ -9,6 +9,7 @@ from sonocal.existing import itk_hdf5, itk_text, numpy_file, plain_text
 from sonocal.existing.choice import Choice, chosen
 from sonocal.existing.matrix import Existing, Matrices
 from sonocal.existing.plus import read_plus
+from sonocal.files import path_of
 from sonocal.files.kinds import Format, Head, recognise
 from sonocal.targets.device_set import FORMAT as DEVICE_SET
 
@@ -41,7 +42,7 @@ def matrices_in(path: str | Path) -> Matrices:
     Raises:
         InputError, FormatError, UnsupportedError: as `read_existing`.
     """
-    path = Path(path)
+    path = path_of(path)
     head = Head.of(path)
     if not path.is_dir() and not head.content.strip():
         raise InputError(f"{path.name}: is empty; export it again")

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sonocal.errors import FormatError, UnsupportedError
-from sonocal.existing.hdf5_file import MAGIC, Damaged, Item, open_hdf5
 from sonocal.existing.itk_parts import Part, form_said, matrices_of_parts
 from sonocal.existing.matrix import Matrices
-from sonocal.files import file_size, read_at
+from sonocal.files import file_size
+from sonocal.files.hdf5 import MAGIC, Damaged, Item, open_hdf5
 from sonocal.files.kinds import Format, Head
 
 __all__ = ["FORMAT", "read_itk_hdf5"]
@@ -20,8 +20,6 @@ PARAMETERS = ("TransformParameters", "TranformParameters")
 FIXED = ("TransformFixedParameters", "TranformFixedParameters")
 # A matrix takes a few kB; displacement fields take more, and are none.
 SIZE_LIMIT = 16 << 20
-# Of a file with a matrix: all of it; names stand behind the first pieces of text.
-NAMES_WITHIN = 64 << 10
 
 
 def read_itk_hdf5(path: Path) -> Matrices:
@@ -37,7 +35,7 @@ def read_itk_hdf5(path: Path) -> Matrices:
             f"{path.name}: holds {size} bytes, more than any linear transform; save the linear one alone"
         )
     try:
-        root = open_hdf5(read_at(path, 0, size))
+        root = open_hdf5(path)
         group = root.members().get(GROUP)
         if group is None:
             raise FormatError(
@@ -67,12 +65,9 @@ def _numbers(members: dict[str, Item], names: tuple[str, ...]) -> list[float]:
 
 
 def _sniff(head: Head) -> bool:
-    """Whether it is HDF5 that names the group of transforms: other programs keep other things in such files."""
-    if not head.content.startswith(MAGIC):
-        return False
-    return GROUP.encode() in head.content or (
-        head.path.is_file() and GROUP.encode() in read_at(head.path, 0, NAMES_WITHIN)
-    )
+    # Other programs keep other things in such files. A damaged one may still name what it held.
+    named = head.content.startswith(MAGIC) and GROUP.encode() in head.content
+    return GROUP in head.hdf5_names or (named and not head.hdf5_names)
 
 
 FORMAT = Format(

@@ -11,6 +11,7 @@ import numpy as np
 from sonocal.errors import FormatError, InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import FURTHEST, Array, AxisScaled, frozen
+from sonocal.geometry.shown import brief, quoted
 
 __all__ = ["Existing", "Form", "Matrices", "Stored", "affine_inverse", "checked", "in_form", "slicer_form"]
 
@@ -49,6 +50,8 @@ class Stored:
     stated_error_mm: float | None = None
     date: str = ""
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
@@ -63,6 +66,8 @@ class Matrices:
     file: str
     format: str
     stored: tuple[Stored, ...]
+
+    __repr__ = brief
 
     def __iter__(self) -> Iterator[Stored]:
         return iter(self.stored)
@@ -102,7 +107,8 @@ class Existing:
 
     def __repr__(self) -> str:
         scales = " x ".join(f"{s:.4g}" for s in self.probe_from_image.scales[:2])
-        return f"<Existing {self.transform or 'matrix'} of {self.file[:40]!r}: {scales} mm/px>"
+        name = quoted(self.transform)[1:-1] or "matrix"
+        return f"<Existing {name} of {quoted(self.file)}: {scales} mm/px>"
 
     @property
     def probe_from_image(self) -> AxisScaled:
@@ -141,7 +147,9 @@ def checked(where: str, matrix: Array, name: str = "", **more: Any) -> Stored:
             "numbers in another order?"
         )
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
-    if not abs(np.linalg.det(matrix[:3, :3])) > FLAT * np.prod(lengths):
+    with np.errstate(divide="ignore"):
+        volume = abs(np.linalg.det(matrix[:3, :3]))
+    if not volume > FLAT * np.prod(lengths):
         raise InputError(
             f"{where}: its matrix cannot be inverted: it maps an image to a line, or has a column of zeros; where the "
             "third column is missing, put the cross product of the first two there, as long as they are"

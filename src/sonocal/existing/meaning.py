@@ -10,6 +10,7 @@ import numpy as np
 from sonocal.existing.matrix import Existing
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.shown import brief
 from sonocal.geometry.units import LEAST_SCALE, MOST_SCALE, UNITS, USUAL_SCALE, Hint
 
 __all__ = ["UNUSABLE", "Meaning", "matrix_findings", "meaning_of", "unsheared"]
@@ -46,6 +47,8 @@ class Meaning:
     offset_mm: Array
     uv_deg: float
     third_deg: float
+
+    __repr__ = brief
 
     @property
     def is_sheared(self) -> bool:

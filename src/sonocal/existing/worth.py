@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,12 +13,19 @@ from sonocal.errors import InputError, SonocalError
 from sonocal.existing.difference import Difference, difference
 from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
-from sonocal.existing.rereadings import Rereading, fitting, in_words, rereadings
-from sonocal.findings import Diagnostic, warnings_first
+from sonocal.existing.misread import misread, misread_finding
+from sonocal.existing.worth_findings import (
+    Said,
+    against_scanner,
+    not_calibrated,
+    ratios_to,
+    with_interval,
+    worse_than_ours,
+)
+from sonocal.findings import Diagnostic, begun, warnings_first
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.registration.options import Model
-from sonocal.setup_checks.scale import scale_doubt
 from sonocal.validation import (
     PointSightings,
     Quantity,
@@ -32,23 +38,10 @@ from sonocal.validation.quantity import rms_quantity
 
 __all__ = ["MATRIX_ALONE", "Said", "Worth", "model_like", "worth_of", "worth_on_points"]
 
-MISREAD = "misread-matrix"
 MATRIX_ALONE = (
     "The file has a matrix and nothing of what it was made from: no error is predicted and no verdict given. What was "
     "measured here is all that is known of it; if it was made from these very sightings, its error is that of a fit."
 )
-
-
-class Said(NamedTuple):
-    """What is said of the mm/px.
-
-    Attributes:
-        mm_per_px: one number, or one along u and one along v.
-        by: who says so, for messages.
-    """
-
-    mm_per_px: tuple[float, ...]
-    by: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +76,12 @@ class Worth:
         """The answer in one or two sentences."""
         if not self.quantities:
             return f"Nothing was measured of {self.existing.said}."
-        if misread := next((one for one in self.diagnostics if one.code == MISREAD), None):
-            return f"{misread.message[0].upper()}{misread.message[1:]}: {misread.advice}."
-        said = f"On {self.source}, {self.existing.said} is off by {_with_interval(self.quantities[0])}"
+        if led := next((one for one in self.diagnostics if one.code == "misread-matrix"), None):
+            return f"{begun(led.message)}: {led.advice}."
+        said = f"On {self.source}, {self.existing.said} is off by {with_interval(self.quantities[0])}"
         if not self.own_quantities or self.difference is None:
             return f"{said}."
-        ours = f"where our own calibration, not fitted to them, is off by {_with_interval(self.own_quantities[0])}"
+        ours = f"where our own calibration, not fitted to them, is off by {with_interval(self.own_quantities[0])}"
         return f"{said}, {ours}. {self.difference.sentence}"
 
     @property
@@ -99,11 +92,10 @@ class Worth:
         given = " x ".join(f"{s:.5f}" for s in self.said.mm_per_px)
         theirs = meaning_of((self.reread or self.existing).matrix).scales_mm_per_px
         name = "this matrix" if self.reread is None else "this matrix, read so,"
-        parts = [f"{name} has {_against(theirs, self.said)}"]
+        parts = [f"{name} has {ratios_to(theirs, self.said)}"]
         if self.own is not None:
-            parts.append(f"ours {_against(self.own.probe_from_image.scales, self.said)}")
-        by = self.said.by[0].upper() + self.said.by[1:]
-        return f"{by} says {given} mm/px: {', '.join(parts)}."
+            parts.append(f"ours {ratios_to(self.own.probe_from_image.scales, self.said)}")
+        return f"{begun(self.said.by)} says {given} mm/px: {', '.join(parts)}."
 
 
 def worth_of(
@@ -142,17 +134,17 @@ def worth_of(
             failures += _measure(of, found, rows, nwires, held_out=split is not None)
     area = _area(rows, own)
     apart = None if own is None else difference(existing, own, area, "ours")
-    misread = [] if own is None else _misread(existing, numbers, own, rows)
-    reread = misread[0].of(existing) if len(misread) == 1 else None
+    ways = misread(existing, rows, own, numbers.theirs, numbers.ours)
+    reread = ways[0].of(existing) if len(ways) == 1 else None
     findings = [
-        *([] if refused is None else [_not_calibrated(refused)]),
+        *([] if refused is None else [not_calibrated(refused)]),
         *(
-            _misread_finding(existing, numbers, misread, rows)
-            if misread
-            else _worse(existing, numbers, apart)
+            [misread_finding(existing, rows, ways, numbers.theirs[0], numbers.ours[0])]
+            if ways
+            else worse_than_ours(existing, numbers.theirs, numbers.ours, apart)
         ),
-        *(matrix_findings(reread or existing, observations.dimension) if reread or not misread else ()),
-        *_scanner(reread or existing, said),
+        *(matrix_findings(reread or existing, observations.dimension) if reread or not ways else ()),
+        *against_scanner(reread or existing, said),
         *failures,
     ]
     return Worth(
@@ -255,95 +247,3 @@ def _area(rows: Observations, own: Calibration | None) -> Array:
     if own is not None:
         return own.area_px
     return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])
-
-
-def _worse(existing: Existing, numbers: _Numbers, apart: Difference | None) -> Iterator[Diagnostic]:
-    """Where the matrix leaves more error than ours, and is further from it than ours leaves open."""
-    if not numbers.theirs or not numbers.ours or apart is None or apart.beyond is None:
-        return
-    theirs, ours = numbers.theirs[0], numbers.ours[0]
-    # Few wires hold ours loosely while it fits their neighbours in time: then the matrix may be the better one.
-    if not theirs.low_mm > ours.high_mm or not apart.beyond.any():
-        return
-    yield Diagnostic(
-        code="worse-than-ours",
-        severity="warning",
-        message=(
-            f"{existing.said} is off by {_with_interval(theirs)} where our own calibration, on the same rows, is off "
-            f"by {_with_interval(ours)}"
-        ),
-        advice=_why(apart) + "; if nothing did, take ours: sonocal calibrate",
-    )
-
-
-def _misread(existing: Existing, numbers: _Numbers, own: Calibration, rows: Observations) -> list[Rereading]:
-    """What the matrix may be instead, by one usual mistake: of several, the rows do not tell which."""
-    if not numbers.theirs or not numbers.ours:
-        return []
-    scale = float(own.probe_from_image.scales[:2].mean())
-    ways = rereadings(existing, rows.dimension, rows.image_size_px, scale)
-    as_read, ours = numbers.theirs[0].value_mm, numbers.ours[0].value_mm
-    return fitting(ways, lambda matrix: _rms(replace(existing, matrix=matrix), rows), as_read, ours)
-
-
-def _rms(existing: Existing, rows: Observations) -> float:
-    return float(np.sqrt(np.mean(line_distances(existing.probe_from_image, rows) ** 2)))
-
-
-def _misread_finding(
-    existing: Existing, numbers: _Numbers, found: Sequence[Rereading], rows: Observations
-) -> Iterator[Diagnostic]:
-    words, advice = in_words(found)
-    so = max(_rms(one.of(existing), rows) for one in found)
-    theirs, ours = numbers.theirs[0].value_mm, numbers.ours[0].value_mm
-    yield Diagnostic(
-        code="misread-matrix",
-        severity="warning",
-        message=(
-            f"{existing.said} {words}: as it was read it is off by {theirs:.2f} mm on these rows, read so by "
-            f"{so:.2f} mm, and our own calibration by {ours:.2f} mm"
-        ),
-        advice=advice,
-    )
-
-
-def _why(apart: Difference) -> str:
-    """What differs most, and what does that."""
-    ratio = apart.scale_ratios
-    if np.abs(ratio).max() > UNEQUAL:
-        return (
-            f"its mm/px differ by {100 * ratio[np.argmax(np.abs(ratio))]:+.1f} %: look for another depth setting, or "
-            "images that were resampled or cropped since"
-        )
-    return (
-        f"its mm/px agree, it is turned by {apart.rotation_deg:.2f} deg and {apart.distance_mm[-1]:.2f} mm off in the "
-        "middle: look for a marker that was moved on the probe, or a needle or phantom that was measured otherwise"
-    )
-
-
-def _scanner(existing: Existing, said: Said | None) -> Iterator[Diagnostic]:
-    """The matrix's mm/px, which are given without an uncertainty, against what is said."""
-    if said is not None:
-        scales = meaning_of(existing.matrix).scales_mm_per_px
-        yield from scale_doubt(scales, np.zeros(2), said.mm_per_px, existing.said, said.by)
-
-
-def _not_calibrated(error: SonocalError) -> Diagnostic:
-    return Diagnostic(
-        code="not-computed",
-        severity="warning",
-        message=f"there is no calibration of our own to compare with: {error}",
-        advice="compare on rows that allow one",
-    )
-
-
-def _against(scales: Array, said: Said) -> str:
-    ratios = scales[:2] / np.broadcast_to(said.mm_per_px[:2], (2,)) - 1.0
-    return f"{100 * ratios[0]:+.1f} % along u and {100 * ratios[1]:+.1f} % along v"
-
-
-def _with_interval(quantity: Quantity) -> str:
-    value = f"{quantity.value_mm:.2f} mm"
-    if np.isnan(quantity.low_mm):
-        return value
-    return f"{value} ({quantity.low_mm:.2f} to {quantity.high_mm:.2f})"

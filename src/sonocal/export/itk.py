@@ -64,7 +64,7 @@ def affine_h5(matrix: Array, convention: str, verdict: str) -> bytes:
     try:
         import h5py
     except ImportError:
-        raise UnsupportedError("ITK's .h5 needs h5py; pip install 'sonocal[io]', or export .tfm") from None
+        raise UnsupportedError("ITK's .h5 needs h5py; pip install h5py, or export .tfm") from None
     content = io.BytesIO()
     with h5py.File(content, "w") as file:
         # ITK looks for these names; what they say is free.

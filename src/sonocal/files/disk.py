@@ -27,7 +27,7 @@ def path_of(name: str | os.PathLike[str]) -> Path:
         InputError: it is no text, or none that a file could be called.
     """
     if not isinstance(name, (str, os.PathLike)) or not isinstance(text := os.fspath(name), str):
-        raise InputError(f"the name of a file is needed, as text or a Path; got {name!r}"[:200])
+        raise InputError(f"path must be the name of a file, as text or a Path; got {name!r}"[:200])
     try:
         os.fsencode(text)
     except UnicodeEncodeError:
@@ -47,10 +47,17 @@ def reading(path: Path) -> Iterator[None]:
         yield
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; check the name and the folder") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a directory; name the file in it") from None
     except OSError as error:
+        if _opened_a_folder(path, error):
+            raise InputError(f"{path}: is a directory; name the file in it") from None
         raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+
+
+def _opened_a_folder(path: Path, error: OSError) -> bool:
+    """Windows refuses a folder's opening as it does a file's without permission."""
+    if isinstance(error, PermissionError):
+        return path.is_dir() and os.access(path, os.R_OK)
+    return isinstance(error, IsADirectoryError)
 
 
 def digest(path: Path) -> str:
@@ -134,7 +141,7 @@ def writing(path: str | Path) -> Iterator[BinaryIO]:
         Path(temporary).chmod(0o666 & ~_umask())
         Path(temporary).replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+        raise InputError(f"{path}: cannot be written ({error.strerror}); {_remedy(path, error)}") from None
     finally:
         if temporary is not None:
             with suppress(OSError):
@@ -203,7 +210,15 @@ def remove(path: Path) -> None:
     try:
         path.unlink()
     except OSError as error:
-        raise InputError(f"{path}: cannot be replaced ({error.strerror}); choose another place") from None
+        raise InputError(f"{path}: cannot be replaced ({error.strerror}); {_remedy(path, error)}") from None
+
+
+def _remedy(path: Path, error: OSError) -> str:
+    """Windows replaces no file that another program has open, a table in Excel say."""
+    mine = path.is_file() and os.access(path.parent, os.W_OK)
+    if isinstance(error, PermissionError) and mine:
+        return "close it where it is open, or choose another place"
+    return "choose another place"
 
 
 def _umask() -> int:

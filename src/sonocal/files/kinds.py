@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from sonocal.errors import UnsupportedError
 from sonocal.files.disk import read_at
+from sonocal.files.hdf5 import MAGIC, names_in
 from sonocal.files.separators import separator_of
 from sonocal.files.tables import is_number
 from sonocal.files.text import decoded
@@ -22,12 +23,14 @@ from sonocal.files.text import decoded
 __all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "refuse_container", "suffixes_of"]
 
 Kind = Literal[
-    "calibration", "device set", "known points", "matrix", "observations", "points", "recording", "targets"
+    "calibration", "device set", "known points", "matrix", "observations", "page", "points", "recording", "study",
+    "targets", "truth"
 ]  # fmt: skip
 
 HEAD_BYTES = 4096
 # Names of files that are packed by nature: theirs say what they are.
-PACKED = (".h5", ".hdf5", ".mrb", ".npz")
+HDF5_SUFFIXES = (".h5", ".hdf5")
+PACKED = (*HDF5_SUFFIXES, ".mrb", ".npz")
 # What files start with that are often given under the name of what was put into them.
 CONTAINERS = (
     (b"\x1f\x8b", "compressed (gzip); unpack it first"),
@@ -36,7 +39,7 @@ CONTAINERS = (
     (b"7z\xbc\xaf", "an archive (7z); unpack it first"),
     (b"PK\x03\x04", "an Excel workbook (.xlsx) or another zip archive; save the sheet as CSV, or unpack it"),
     (b"\xd0\xcf\x11\xe0", "an Excel workbook (.xls); save the sheet as CSV"),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file, whatever its name says; export it as text"),
+    (MAGIC, "an HDF5 file, whatever its name says; export it as text"),
 )
 TABLE_SUFFIXES = (".csv", ".txt")
 
@@ -90,6 +93,11 @@ class Head:
         except csv.Error:
             return ()
         return tuple(cell.strip() for cell in cells)
+
+    @cached_property
+    def hdf5_names(self) -> frozenset[str]:
+        """What an HDF5 file holds, by name; nothing of another file, or of a damaged one."""
+        return names_in(self.path) if self.content.startswith(MAGIC) and self.path.is_file() else frozenset()
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -162,6 +170,12 @@ def refuse_container(head: Head) -> None:
     Raises:
         UnsupportedError: it is.
     """
+    if head.content.startswith(MAGIC) and head.suffix in HDF5_SUFFIXES:
+        there = ", ".join(sorted(head.hdf5_names))[:120] or "nothing that can be read"
+        raise UnsupportedError(
+            f"{head.path.name}: is HDF5 that holds {there}; what is read of it are transforms of ITK and 3D Slicer "
+            "(TransformGroup) and scans of TUS-REC (frames, tforms)"
+        )
     if head.container:
         raise UnsupportedError(f"{head.path.name}: is {head.container}")
 
@@ -172,12 +186,10 @@ def recognise(head: Head, formats: Iterable[Format]) -> Format | None:
     A name counts where all formats that share its suffix are of one kind: ``.csv`` alone says nothing of a
     table among tables of several kinds.
     """
-    if head.is_page:
-        return None
-    formats = tuple(formats)
+    formats = tuple(one for one in formats if not head.is_page or one.kind == "page")
     if claimed := next((one for one in formats if one.sniff(head)), None):
         return claimed
-    if head.container and head.suffix not in PACKED:
+    if head.is_page or (head.container and head.suffix not in PACKED):
         return None
     named = [one for one in formats if head.suffix in one.suffixes]
     return named[0] if len({one.kind for one in named}) == 1 else None

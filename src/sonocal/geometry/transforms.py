@@ -185,7 +185,7 @@ class Similarity(AxisScaled):
         Raises:
             InputError: not 4 x 4, not finite, or not a scaled rotation beside a translation.
         """
-        array = np.asarray(matrix, dtype=float)
+        array = real_array("matrix", matrix)
         if array.shape[-2:] != (4, 4):
             raise InputError(f"a similarity needs a (..., 4, 4) matrix; got shape {array.shape}")
         if not np.array_equal(array[..., 3, :], np.broadcast_to([0, 0, 0, 1.0], array.shape[:-1])):
@@ -286,7 +286,8 @@ def _check_parts(rotation: Array, translation: Array, scale: Array) -> None:
         return
     if not (np.all(np.isfinite(translation)) and np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise InputError("a similarity needs a finite translation and a positive scale")
-    deviation = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(initial=0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(initial=0.0)
     if not deviation <= ORTHOGONALITY_TOLERANCE or not np.all(np.linalg.det(rotation) > 0):
         raise InputError(
             f"a similarity needs a rotation; this matrix is off by {deviation:.2g} from orthonormal or mirrors"

@@ -10,21 +10,24 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError, require
 from sonocal.geometry import FURTHEST, Array, frozen, real_array
+from sonocal.geometry.cards import card, dots_svg
+from sonocal.observations.columns import SEGMENT_COLUMNS, arrays_of, dataframe_of
 from sonocal.observations.image_size import checked_size
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = [
     "Observations",
     "group_codes",
 ]
-
-SEGMENT_COLUMNS = ("x0_mm", "y0_mm", "z0_mm", "x1_mm", "y1_mm", "z1_mm")
 
 COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
 """What has one entry a row."""
@@ -94,7 +97,7 @@ class Observations:
         for name in ("sigma_px", "sigma_mm"):
             if getattr(self, name) is not None:
                 self._set_column(name, getattr(self, name), np.float64)
-        require(self.extra, Mapping, "a mapping from names to columns, for extra,")
+        require("extra", self.extra, Mapping, "a mapping from names to columns")
         self._set("extra", {name: self._extra(name, column) for name, column in self.extra.items()})
         if self.image_size_px is not None:
             size = checked_size(self.image_size_px, self.dimension, f"{self.source}: image_size_px")
@@ -110,6 +113,26 @@ class Observations:
             f"<Observations of a {self.dimension}D probe: {len(self)} rows, {frames} frames, {targets} "
             f"target{'s' if targets != 1 else ''}, from {self.source[:40]!r}>"
         )
+
+    def _repr_html_(self) -> str:
+        low, high = (
+            self.points_px.min(axis=0, initial=FURTHEST),
+            self.points_px.max(axis=0, initial=-FURTHEST),
+        )
+        corners = np.array([low, high] if self.image_size_px is None else [low * 0, self.image_size_px])[
+            :, :2
+        ]
+        splits = [str(name) or "(none)" for name in np.unique(self.split)]
+        rows = [
+            ("from", self.source[:80]),
+            ("frames", str(len(np.unique(self.frame)))),
+            ("targets", ", ".join(str(name) or "(none)" for name in np.unique(self.target)[:8])),
+            *([("splits", ", ".join(splits[:8]))] if splits != ["(none)"] else []),
+            *([("further columns", ", ".join(self.extra)[:80])] if self.extra else []),
+        ]
+        where = "in the image" if self.image_size_px else "in the area seen"
+        picture = dots_svg(corners, self.points_px, f"Where the needle was seen {where}") if len(self) else ""
+        return card(f"{len(self)} sightings for a {self.dimension}D probe", rows=rows, picture=picture)
 
     @property
     def dimension(self) -> int:
@@ -141,6 +164,28 @@ class Observations:
         }.items():
             table._set(name, column)
         return table
+
+    @classmethod
+    def from_dataframe(cls, frame: Any, source: str = "dataframe") -> Observations:
+        """A table of a data frame of pandas, or of another library, with the columns of the table's file.
+
+        Args:
+            frame: a row a point, ``u_px, v_px[, w_px]``, and the ends of its line, ``x0_mm ... z1_mm``; others as
+                `read_observations` has them.
+            source: the name that messages give the table.
+
+        Raises:
+            InputError: it is no data frame, a column is missing or holds what it must not, or as of the class.
+        """
+        return cls(**arrays_of(frame), source=source)
+
+    def to_dataframe(self) -> DataFrame:
+        """The table as a data frame of pandas: the columns of its file, with the image's size in columns of their own.
+
+        Raises:
+            UnsupportedError: pandas is not installed.
+        """
+        return dataframe_of(self)
 
     def with_sound(self, **columns: Any) -> Observations:
         """The table with other columns, which are taken as they are: rows of a sound table are sound."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.errors import FormatError, InputError
+from sonocal.errors import FormatError, InputError, require
 from sonocal.files import path_of, read_bytes, write_atomically
 from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import (
@@ -18,8 +18,9 @@ from sonocal.files.tables import (
     parse_table,
     without_comments,
 )
+from sonocal.observations.columns import SEGMENT_COLUMNS, columns_of
 from sonocal.observations.image_size import SIZE_COLUMNS, size_line, size_of
-from sonocal.observations.table import _DEFAULT, SEGMENT_COLUMNS, Observations
+from sonocal.observations.table import _DEFAULT, Observations
 
 __all__ = ["as_file", "observations_csv", "parse_observations", "read_observations", "write_observations"]
 
@@ -98,18 +99,8 @@ def write_observations(observations: Observations, path: str | Path) -> None:
 
 def observations_csv(observations: Observations) -> bytes:
     """The table as the text of its CSV file."""
-    columns: dict[str, Iterable[object]] = {
-        "frame": observations.frame.tolist(),
-        "target": observations.target.tolist(),
-    }
-    columns |= dict(zip(("u_px", "v_px", "w_px"), observations.points_px.T.tolist(), strict=False))
-    columns |= dict(zip(SEGMENT_COLUMNS, observations.segments_mm.reshape(-1, 6).T.tolist(), strict=True))
-    if np.any(observations.split != ""):
-        columns["split"] = observations.split.tolist()
-    for name in ("sigma_px", "sigma_mm"):
-        if (sigma := getattr(observations, name)) is not None:
-            columns[name] = sigma.tolist()
-    columns |= {name: column.tolist() for name, column in observations.extra.items()}
+    require("observations", observations, Observations)
+    columns = {name: column.tolist() for name, column in columns_of(observations).items()}
     lines = _Lines()
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(columns)

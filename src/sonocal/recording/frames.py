@@ -47,6 +47,9 @@ class Frames(Sequence[Image]):
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self)} of {' x '.join(map(str, self.shape))}, {self.dtype}>"
+
     @abstractmethod
     def __len__(self) -> int: ...
 

@@ -10,7 +10,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal.errors import require
 from sonocal.findings import Diagnostic
+from sonocal.geometry.shown import brief
 from sonocal.recording.lengths import unit_findings
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import (
@@ -52,6 +54,8 @@ class ToolSummary:
     longest_loss: int
     travel_mm: float
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -75,9 +79,12 @@ class Summary:
     tools: tuple[ToolSummary, ...]
     diagnostics: tuple[Diagnostic, ...]
 
+    __repr__ = brief
+
 
 def summarize(recording: Recording, look_at_images: bool = True, progress: Progress | None = None) -> Summary:
     """What is in a recording, and what is wrong with it: see `health`."""
+    require("recording", recording, Recording)
     times = recording.times
     timed = len(times) > 1 and bool(np.isfinite(times).all())
     duration = float(times.max() - times.min()) if timed else None
@@ -148,7 +155,7 @@ def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
         yield _warning(
             "gaps",
             f"{len(gaps)} {what} longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
-            f"{1000 * steps[widest]:.0f} ms after frame {widest}",
+            f"{1000 * float(steps[widest]):.0f} ms after frame {widest}",
             "poses are not interpolated across long gaps; check the recorder's load",
         )
 

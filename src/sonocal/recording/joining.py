@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.recording.timing import MAX_GAP_S, interpolate_poses
@@ -37,6 +37,8 @@ def join(
     Raises:
         InputError: one of the two has no times, they do not overlap, or the poses were moved by a latency before.
     """
+    require("images", images, Recording)
+    require("tracker", tracker, Recording)
     _check_latency(tracker, latency_s)
     for part in (images, tracker):
         if np.isnan(part.times).any():
@@ -126,6 +128,7 @@ def with_latency(
     Raises:
         InputError: it has no times, or its poses were moved by a latency before.
     """
+    require("recording", recording, Recording)
     if latency_s == 0.0:
         return recording
     return join(replace(recording, diagnostics=()), recording, latency_s, max_gap_s, on_invalid)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array
+from sonocal.geometry import FURTHEST, Array
 from sonocal.recording.poses import Mask, Poses
 from sonocal.targets import Point
 
@@ -36,11 +36,12 @@ def bodies_from_markers(
         name: of the recording, for messages.
 
     Raises:
-        InputError: no tool has three markers, or they do not move as one body.
+        InputError: no tool has three markers, they do not move as one body, or one is absurdly far away.
     """
     poses, notes = [], []
     for tool, labels in _tools(places_mm, model, name).items():
         places = np.stack([places_mm[label] for label in labels.values()], axis=1)
+        _refuse_distant(places, list(labels.values()), name)
         if model:
             shape, source = np.array([_place(model, tool, marker) for marker in labels]), "the model given"
         else:
@@ -133,6 +134,16 @@ def _shape(places: Array) -> Array:
     first = places[int(np.argmax(seen))] if len(places) else np.full(places.shape[1:], np.nan)
     known = np.isfinite(first).all(axis=1)
     return np.asarray(first - first[known].mean(axis=0) if known.any() else first)
+
+
+def _refuse_distant(places: Array, labels: Sequence[str], name: str) -> None:
+    far = np.argwhere(np.abs(places) >= FURTHEST)
+    if len(far):
+        frame, marker, axis = far[0]
+        raise InputError(
+            f"{name}, frame {frame}: the marker {labels[marker][:40]} lies at {places[frame, marker, axis]:g} mm; "
+            "leave out markers that were not seen"
+        )
 
 
 def _place(model: Markers, tool: str, marker: str) -> Array:

@@ -10,13 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.cards import card
+from sonocal.geometry.shown import brief
 from sonocal.recording.frames import Frames, SelectedFrames, no_frames
 from sonocal.recording.poses import Mask, OnInvalid, Poses, chosen
+from sonocal.recording.thumbnail import thumbnail
 
 __all__ = ["ImageGeometry", "Provenance", "Recording"]
+
+# Rows of a card, of a kind.
+MOST_TOOLS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +45,8 @@ class ImageGeometry:
     orientation: str
     image_from_file: Array
     spacing_mm: tuple[float, ...] | None = None
+
+    __repr__ = brief
 
     @classmethod
     def of(
@@ -75,6 +83,8 @@ class Provenance:
     format: str = "memory"
     paths: tuple[str, ...] = ()
     lengths: str = "millimetres"
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +139,23 @@ class Recording:
         )
         return f"<Recording {self.name[:40]!r}: {len(self)} items, {images}, {len(self.poses)} tracked poses>"
 
+    def _repr_html_(self) -> str:
+        rows = [("from", self.provenance.format)]
+        if self.image is not None:
+            size = " x ".join(map(str, self.image.size_px))
+            rows.append(
+                ("images" if self.image.dimension == 2 else "volumes", f"{size} px, {self.image.dtype}")
+            )
+        rows += [
+            (poses.plus_name, f"{np.count_nonzero(poses.valid)} of {len(self)} poses valid")
+            for poses in list(self.poses.values())[:MOST_TOOLS]
+        ]
+        rows += [(one.severity, one.message) for one in self.diagnostics[:MOST_TOOLS]]
+        lasted = float(np.ptp(self.times)) if len(self) and np.isfinite(self.times).all() else None
+        text = f"{len(self)} items" + ("" if lasted is None else f" over {lasted:.1f} s")
+        picture = "" if self.image is None else thumbnail(self.frames, self.image.dimension)
+        return card(self.name[:80], text, rows, picture=picture)
+
     @property
     def name(self) -> str:
         """How messages call it."""
@@ -149,6 +176,7 @@ class Recording:
         Raises:
             InputError: there is no such tool, or several; the sentence names those there are.
         """
+        require("source", source, str, "the name of a tool")
         found = [
             poses
             for poses in self.poses.values()
@@ -206,7 +234,10 @@ class Recording:
 
     def select(self, rows: ArrayLike) -> Recording:
         """The recording of some items, given by a mask, a slice's range or indices."""
-        index = chosen(len(self), rows)
+        try:
+            index = chosen(len(self), rows)
+        except (IndexError, ValueError) as error:
+            raise InputError(f"{self.name}: rows must be a mask or indices of its items ({error})") from None
         return replace(
             self,
             times=self.times[index],

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = [
     "FROZEN_RUN",
@@ -54,6 +55,8 @@ class Poses:
     matrices: Array
     valid: Mask
     status: tuple[str | None, ...] | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         if self.matrices.ndim != 3 or self.matrices.shape[1:] != (4, 4):
@@ -148,14 +151,14 @@ def rigidity_error(matrices: ArrayLike) -> Array:
     """
     array = np.asarray(matrices, dtype=float)
     rotation = array[..., :3, :3]
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         error = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(axis=(-2, -1), initial=0.0)
         error = np.maximum(error, np.abs(array[..., 3, :] - [0, 0, 0, 1]).max(axis=-1, initial=0.0))
         mirrored = np.linalg.det(np.where(np.isfinite(rotation), rotation, 0.0)) < 0
     return np.asarray(np.where(mirrored & np.isfinite(error), np.inf, error))
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def determinant(matrix: Array) -> float:
     """Of the rotation in a pose (4, 4), for messages: what is no pose may have numbers of any size."""
     return float(np.linalg.det(matrix[:3, :3]))

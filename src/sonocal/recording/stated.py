@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sonocal.errors import require
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import Poses
 
@@ -30,6 +32,8 @@ class StatedScale:
     mm_per_px: tuple[float, ...]
     where: str
 
+    __repr__ = brief
+
     def __str__(self) -> str:
         return f"{self.where} states {' x '.join(f'{s:.5g}' for s in self.mm_per_px)} mm/px"
 
@@ -40,6 +44,7 @@ def stated_scale(recording: Recording) -> StatedScale | None:
     PLUS's drivers of scanners write them, with the depth that is set, as the transform of the image to its transducer
     (``ImageToTransducerTransform``, EchoWave and others); files of images have them in their header.
     """
+    require("recording", recording, Recording)
     if recording.image is None:
         return None
     for poses in recording.poses.values():

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.recording.poses import OnInvalid, Poses
 
 __all__ = [
@@ -96,6 +97,8 @@ class Lag:
     deviation_s: float
     correlation: float
     samples: int
+
+    __repr__ = brief
 
 
 def estimate_latency(

@@ -1,10 +1,12 @@
 """Similarity registration of points, lines and planes; knows no ultrasound.
 
-from sonocal import registration as reg
+::
 
-found = reg.register(reg.rows(reg.line_line(a, b), reg.point_plane(x, planes)))
-found.target_from_source.matrix         # (4, 4)
-reg.solvers.four_points(points, lines)  # minimal and linear solvers, batched
+    from sonocal import registration as reg
+
+    found = reg.register(reg.rows(reg.line_line(a, b), reg.point_plane(x, planes)))
+    found.target_from_source.matrix         # (4, 4)
+    reg.solvers.four_points(points, lines)  # minimal and linear solvers, batched
 """
 
 from sonocal.registration import solvers

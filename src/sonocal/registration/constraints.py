@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, InputError, require
 from sonocal.geometry import Array, Similarity, real_array
+from sonocal.geometry.shown import brief
 from sonocal.registration.options import positive_number
 from sonocal.registration.plane_samples import PlaneSamples, joined_samples, normals_of
 from sonocal.registration.rows import PointLineRows
@@ -61,6 +62,8 @@ class Rows:
     lines: PointLineRows | None = None
     samples: PlaneSamples | None = None
 
+    __repr__ = brief
+
     def __len__(self) -> int:
         return len(self.points)
 
@@ -92,6 +95,8 @@ class FreeMotion:
 
     rank: int
     motions: tuple[str, ...]
+
+    __repr__ = brief
 
 
 def point_plane(points: ArrayLike, planes: ArrayLike) -> Rows:
@@ -165,7 +170,7 @@ def rows(*parts: Rows) -> Rows:
     if not parts:
         raise InputError("there is no correspondence to put together; give rows of points, lines or planes")
     for part in parts:
-        require(part, Rows, "rows of correspondences (see point_line and its like)")
+        require("parts", part, Rows)
     if len(parts) == 1:
         return parts[0]
     starts = np.cumsum([0, *(len(p) for p in parts)])

@@ -81,7 +81,7 @@ def covariance_of_mix(
         scale_known: the scale was not fitted; its row and column are zero.
 
     Returns:
-        None where no row is left to tell the noise, or the rows leave a motion free.
+        None where no row is left to tell the noise, the rows leave a motion free, or the numbers have no squares.
 
     Source: Patterson and Thompson 1971; Satterthwaite 1946. A level for each kind and not each correspondence's own
         residual (Liang and Zeger 1986), which leaves few degrees of freedom.
@@ -97,7 +97,10 @@ def covariance_of_mix(
         return None
     meat, freedom = _meat(basis, residuals - basis @ (basis.T @ residuals), points, planes, first)
     back = to_origin @ np.linalg.inv(triangle)
-    return Covariance(np.asarray(back @ meat @ back.T), freedom)
+    # Places of absurd size have squares that are no numbers.
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix = np.asarray(back @ meat @ back.T)
+    return Covariance(matrix, freedom) if np.isfinite(matrix).all() else None
 
 
 def tangent_rows(

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, require
+from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array, Similarity
 from sonocal.registration.alternatives import alternatives_to
 from sonocal.registration.certificate import Certificate, LazyCertificate, certificate_of, certificate_of_mix
-from sonocal.registration.constraints import Rows, rank, refuse_degenerate_rows
+from sonocal.registration.constraints import Rows
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
     refuse_degenerate_lines,
@@ -26,14 +26,18 @@ from sonocal.registration.fit import Fit, transform_of
 from sonocal.registration.mirrored import refuse_mirrored_target
 from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
 from sonocal.registration.options import Options, Weighting, true_or_false
+from sonocal.registration.refusals import (
+    PARAMETERS,
+    refuse_chance,
+    refuse_few,
+    refuse_free,
+    refuse_free_about,
+)
 from sonocal.registration.robust import fit_point_lines
-from sonocal.registration.rows import PointLineRows, to_core
+from sonocal.registration.rows import PointLineRows
 from sonocal.registration.told import Told, scale_of, sigmas_of, weights_of
 
 __all__ = ["PARAMETERS", "Registration", "register"]
-
-# Of a similarity: three of rotation, three of translation, one of scale.
-PARAMETERS = 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +141,7 @@ def register(
 
     Source: paper sections 5.1 and 9; Ramalingam and Taguchi 2010.
     """
-    require(constraints, Rows, "rows of correspondences (see sonocal.registration.constraints)")
+    require("constraints", constraints, Rows)
     sigmas_mm = sigmas_of(sigma_mm)
     options = Options.known(
         "similarity",
@@ -151,7 +155,7 @@ def register(
         seed,
     )
     refine = true_or_false("refine", refine)
-    _refuse_few(constraints)
+    refuse_few(constraints)
     told = Told(
         None if sigmas_mm is None else weights_of(sigmas_mm, len(constraints.first) - 1),
         None if scale is None else scale_of(scale),
@@ -187,7 +191,7 @@ def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bo
         constraints.core, options.to_core(0, 0), refine=refine, scale=told.scale or 0.0, weights=told.weights
     )
     if not found.found:
-        _refuse_free(constraints)
+        refuse_free(constraints)
         raise NoConsensusError("no minimal sample of the correspondences has a similarity", best_count=0)
     if not (found.scales[0] > 0 and np.isfinite(found.translation).all()):
         raise NoConsensusError(
@@ -205,7 +209,7 @@ def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bo
             f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
             best_count=found.inliers,
         )
-    _refuse_chance(constraints.core, similarity, found.residuals_mm, threshold_mm)
+    refuse_chance(constraints.core, similarity, found.residuals_mm, threshold_mm)
     covariance = _mix_covariance(constraints, inlier, similarity, told)
     return Registration(
         target_from_source=similarity,
@@ -242,32 +246,8 @@ def _mix_covariance(
     about = agreeing.points, agreeing.planes, agreeing.first, similarity, weights
     covariance = covariance_of_mix(*about, scale_known=known)
     if covariance is None and len(agreeing) > PARAMETERS:
-        _refuse_free_about(agreeing, similarity, scale_known=known)
+        refuse_free_about(agreeing, similarity, scale_known=known)
     return covariance
-
-
-def _refuse_chance(
-    table: _core.Table, similarity: Similarity, residuals_mm: Array, threshold_mm: float
-) -> None:
-    """Raise if as many correspondences would agree had sources and targets nothing to do with each other."""
-    found = _core.agreement(table, to_core(similarity), residuals_mm, threshold_mm)
-    if not found.by_chance_alone:
-        return
-    count = len(residuals_mm)
-    if threshold_mm == np.inf:
-        rms = float(np.sqrt(np.mean(residuals_mm**2)))
-        raise NoConsensusError(
-            f"the best similarity leaves the {count} correspondences {rms:.3g} mm (rms) from their targets, no nearer "
-            "than chance would; check that they are matched and in the units meant, or leave out those that are not "
-            "with robust=True",
-            best_count=found.agreeing,
-        )
-    raise NoConsensusError(
-        f"the best similarity brings {found.agreeing} of {count} correspondences within {threshold_mm:.3g} mm of "
-        f"their targets, no more than chance would (up to {found.by_chance} of {count}); check that they are "
-        "matched and in the units meant, or give a threshold_mm nearer to the noise",
-        best_count=found.agreeing,
-    )
 
 
 def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:
@@ -288,7 +268,7 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
     assert isinstance(fit.transform, Similarity)
     similarity, covariance = fit.transform, _line_covariance(fit, spare)
     if not fit.plain:
-        _refuse_chance(lines.core, fit.transform, residuals, fit.threshold_mm)
+        refuse_chance(lines.core, fit.transform, residuals, fit.threshold_mm)
     return Registration(
         target_from_source=similarity,
         covariance=covariance,
@@ -317,49 +297,3 @@ def _line_freedom(options: Options, spare: int) -> float:
     """Noise that was given is known."""
     given = options.weighting == "likelihood" and options.sigma_px and options.sigma_mm
     return np.inf if given else float(max(spare, 0))
-
-
-def _refuse_few(constraints: Rows) -> None:
-    if not len(constraints):
-        raise InputError("there is no correspondence to register; give points, lines or planes")
-    if len(constraints) < PARAMETERS:
-        _refuse_free(constraints)
-
-
-def _refuse_free(constraints: Rows) -> None:
-    """Raise if the rows leave a motion free: whatever the solution, or about one of their solutions."""
-    refuse_degenerate_rows(constraints.points, constraints.planes)
-    _refuse_free_about(constraints, _any_solution(constraints))
-
-
-def _refuse_free_about(constraints: Rows, similarity: Similarity, *, scale_known: bool = False) -> None:
-    free, wanted = rank(constraints, similarity, scale_known=scale_known), PARAMETERS - scale_known
-    if free.rank < wanted:
-        raise DegenerateGeometryError(
-            f"the correspondences determine {free.rank} of {wanted} motions; free: "
-            f"{'; '.join(free.motions)}; add one that holds it",
-            code="rank-deficient",
-        )
-
-
-def _any_solution(constraints: Rows) -> Similarity:
-    """One of the similarities that rows which determine none allow: least squares from several turns."""
-    from scipy.optimize import least_squares
-    from scipy.spatial.transform import Rotation
-
-    points, normals, offsets = constraints.points, constraints.planes[:, :3], constraints.planes[:, 3]
-    centre = points.mean(axis=0)
-    size = max(float(np.abs(points - centre).max()), 1e-300)
-    reach = max(float(np.abs(offsets).max()), 1e-300)
-
-    def similarity(v: Array) -> Similarity:
-        rotation = Rotation.from_rotvec(v[:3]).as_matrix()
-        scale = float(np.exp(v[6])) * reach / size
-        return Similarity(rotation, reach * v[3:6] - scale * rotation @ centre, scale)
-
-    def residuals(v: Array) -> Array:
-        return np.asarray((np.einsum("ij,ij->i", normals, similarity(v) @ points) + offsets) / reach)
-
-    turns = [np.zeros(3), *(2.0 * np.eye(3)), *(-2.0 * np.eye(3))]
-    fits = [least_squares(residuals, np.concatenate([turn, np.zeros(4)])) for turn in turns]
-    return similarity(min(fits, key=lambda fit: fit.cost).x)

@@ -1,6 +1,7 @@
-"""What to trust, on one page: a self-contained HTML file and its figures. Needs the extra ``sonocal[report]``.
+"""What to trust, on one page: a self-contained HTML file and its figures. Needs matplotlib and jinja2.
 
-Each figure is drawn on a matplotlib axis that the caller made: ``plot_predicted_error(axis, calibration)``.
+Each figure is drawn on a matplotlib axis that the caller made: ``plot_predicted_error(axis, calibration)``. What a
+session asks of a calibration itself (``calibration.plot()``) is in `sonocal.report.session`.
 """
 
 from sonocal.report.figures import (
@@ -11,10 +12,12 @@ from sonocal.report.figures import (
 )
 from sonocal.report.page import report_html
 from sonocal.report.pictures import FrameImage, plot_frame
+from sonocal.report.session import Report
 from sonocal.report.views3d import plot_frames, plot_needles, plot_weak_motion
 
 __all__ = [
     "FrameImage",
+    "Report",
     "plot_frame",
     "plot_frames",
     "plot_needles",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sonocal.calibration import Calibration, line_distances
+from sonocal.errors import require
 from sonocal.geometry import Array, homogeneous_points, segment_directions
 from sonocal.observations import Observations
 from sonocal.registration.noise import residual_vectors
@@ -43,6 +44,7 @@ def plot_predicted_error(
     Raises:
         UnsupportedError: the calibration has no covariance.
     """
+    require("calibration", calibration, Calibration)
     low, high = calibration.area_px
     u, v = (np.linspace(low[i], high[i], GRID) for i in (0, 1))
     places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -64,6 +66,7 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
 
     A pattern (all outwards, all turned one way) is a systematic error; hair in all directions is noise.
     """
+    require("calibration", calibration, Calibration)
     from matplotlib.colors import LinearSegmentedColormap
 
     chosen = _agreeing(calibration, observations)
@@ -106,6 +109,7 @@ def plot_residuals_by_frame(
         observations: rows that were fitted, outliers included, or any others.
         held_out: further rows, drawn after them.
     """
+    require("calibration", calibration, Calibration)
     distances = line_distances(calibration.probe_from_image, observations)
     threshold = calibration.threshold_mm
     agree = distances <= threshold
@@ -152,6 +156,7 @@ def plot_tilts(axis: Axes, calibration: Calibration, observations: Observations)
 
     Dots in one heap leave a rotation loose; dots spread to 30 degrees and more in two directions hold it.
     """
+    require("calibration", calibration, Calibration)
     chosen = _agreeing(calibration, observations)
     rotation = calibration.probe_from_image.rotation
     along = segment_directions(chosen.segments_mm[_thinned(len(chosen))]) @ rotation

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import datetime
 import io
 import re
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from sonocal.calibration import Calibration
 from sonocal.calibration.diagnostics import describe_motion
-from sonocal.errors import UnsupportedError
+from sonocal.errors import UnsupportedError, require
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import scale_95, weakest_motion
 from sonocal.report import figures, views3d
+from sonocal.report.page_file import page_summary
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
-from sonocal.report.style import DETECTED, RC, TRACKED
+from sonocal.report.style import RC
+from sonocal.report.templates import filled, now
 from sonocal.validation import CANNOT_SHOW, Comparison, Validation, cannot_show, give_verdict
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
@@ -47,25 +47,25 @@ def report_html(
         title: of the page.
 
     Raises:
-        UnsupportedError: the extra ``sonocal[report]`` is not installed.
+        UnsupportedError: matplotlib or jinja2 is not installed.
     """
+    require("calibration", calibration, Calibration)
     try:
-        import jinja2
         import matplotlib as mpl
     except ImportError as error:
         raise UnsupportedError(
-            f"the report needs {error.name}, which is not installed; pip install 'sonocal[report]', or --no-report"
+            f"the report needs {error.name}, which is not installed; pip install matplotlib jinja2, or --no-report"
         ) from None
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["typeset"] = _typeset
-    template = environment.from_string(files("sonocal.report").joinpath("page.html").read_text("utf-8"))
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
-    page = template.render(
+    made, verdict, source = now(), give_verdict(calibration, validation), _source(calibration)
+    return filled(
+        "page.html",
         title=title,
-        source=_source(calibration),
-        verdict=give_verdict(calibration, validation),
+        source=source,
+        verdict=verdict,
+        summary=page_summary(made, source, verdict, calibration.probe_from_image.matrix),
         cal=calibration,
         validation=validation,
         comparison=comparison,
@@ -77,17 +77,9 @@ def report_html(
         matrix=calibration.probe_from_image.matrix,
         words=_matrix_in_words(calibration),
         weak=_weak_in_words(calibration),
-        detected_colour=DETECTED,
-        tracked_colour=TRACKED,
         provenance=_provenance(calibration, validation),
-        made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+        made=made,
     )
-    return page.encode()
-
-
-def _typeset(sentence: str) -> str:
-    """A sentence of the terminal's letters in those of a page."""
-    return sentence.replace("+-", "\N{PLUS-MINUS SIGN}")
 
 
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration
+from sonocal.errors import require
 from sonocal.geometry import Array, needle_in_image, needle_in_volume
+from sonocal.geometry.shown import brief
 from sonocal.report.style import DETECTED, TRACKED
 
 if TYPE_CHECKING:
@@ -39,6 +41,8 @@ class FrameImage:
     detected_px: Array
     segments_mm: Array | None = None
     title: str = ""
+
+    __repr__ = brief
 
 
 def picture_svg(calibration: Calibration, frame: FrameImage) -> str:
@@ -70,6 +74,7 @@ def plot_frame(axis: Axes, calibration: Calibration, frame: FrameImage) -> None:
 
     Source: the paper's figure 8 (c, d).
     """
+    require("calibration", calibration, Calibration)
     height, width = frame.image.shape
     axis.imshow(frame.image, cmap="gray", vmin=0, vmax=255)
     axis.plot(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sonocal.calibration import Calibration
-from sonocal.errors import UnsupportedError
+from sonocal.errors import UnsupportedError, require
 from sonocal.geometry import Array, area_places, homogeneous_points, segment_directions
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import point_jacobian, weakest_motion
@@ -23,6 +23,7 @@ MOST_NEEDLES = 120
 
 def plot_frames(axis: Axes3D, calibration: Calibration) -> None:
     """The marker's axes and the image where the calibration puts it: what the matrix means."""
+    require("calibration", calibration, Calibration)
     edge = _image_edge(calibration)
     size = float(np.ptp(np.vstack([edge, np.zeros(3)]), axis=0).max())
     for direction, colour, name in zip(np.eye(3), AXES, "xyz", strict=True):
@@ -38,6 +39,7 @@ def plot_frames(axis: Axes3D, calibration: Calibration) -> None:
 
 def plot_needles(axis: Axes3D, calibration: Calibration, observations: Observations) -> None:
     """Needle poses through the image, in the probe marker's frame: places and tilts that were scanned."""
+    require("calibration", calibration, Calibration)
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     rows = observations.select(
@@ -63,6 +65,7 @@ def plot_weak_motion(axis: Axes3D, calibration: Calibration) -> None:
     Raises:
         UnsupportedError: the calibration has no covariance.
     """
+    require("calibration", calibration, Calibration)
     if calibration.covariance is None:
         raise UnsupportedError("a calibration without covariance has no weakest motion to draw")
     corners = area_places(calibration.area_px)[:-1]

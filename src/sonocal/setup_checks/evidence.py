@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.options import Model
@@ -42,6 +43,8 @@ class Evidence:
     rms_mm: float
     tolerance_mm: float = 2.0
     area_name: str = "image"
+
+    __repr__ = brief
 
     @property
     def transform(self) -> AxisScaled:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sonocal.findings import DECISIVE, Diagnostic, warnings_first
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import nearly_degenerate
 from sonocal.registration.mirrored import mirrored_finding, mirrored_volume
@@ -39,6 +40,8 @@ class Refused:
     model: Model
     threshold_mm: float
     agreeing: int | None = None
+
+    __repr__ = brief
 
 
 Check = Callable[[Refused], Iterable[Diagnostic]]

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from sonocal.files import make_folder, write_atomically
 from sonocal.recording import Frames
 from sonocal.recording.formats import write_recording
 from sonocal.recording.frames import Image
 from sonocal.simulation.sweep import SimulatedSweep
+from sonocal.simulation.truth_file import truth_json
 from sonocal.targets import write_lines
 
 __all__ = ["SWEEP_FILES", "write_sweep"]
@@ -41,7 +40,7 @@ def write_sweep(sweep: SimulatedSweep, folder: str | Path, progress: Progress | 
     recording = replace(sweep.recording, frames=_Counted(sweep.recording.frames, progress))
     write_recording(recording, paths[0])
     write_lines(sweep.lines, paths[1])
-    write_atomically(paths[2], (json.dumps(_truth(sweep), indent=1) + "\n").encode())
+    write_atomically(paths[2], truth_json(sweep))
     return paths
 
 
@@ -60,17 +59,3 @@ class _Counted(Frames):
         if self._progress is not None:
             self._progress(index + 1, len(self))
         return self._frames.read(index)
-
-
-def _truth(sweep: SimulatedSweep) -> dict[str, Any]:
-    truth = sweep.truth
-    return {
-        "format": "sonocal-truth",
-        "version": 1,
-        "probe_from_image": truth.probe_from_image.matrix.tolist(),
-        "latency_s": truth.latency_s,
-        "points_px": truth.points_px.tolist(),
-        "visible": truth.visible.tolist(),
-        "clear": truth.clear.tolist(),
-        "options": asdict(sweep.options),
-    }

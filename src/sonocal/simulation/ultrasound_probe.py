@@ -130,7 +130,7 @@ class ProbeGeometry:
         return [reach * step for step in steps]
 
     def pixels_mm(self) -> Array:
-        """(*reversed size, 3): the place of every pixel, indexed like an image: [v, u] or [w, v, u]."""
+        """(V, U, 3) or (W, V, U, 3): the place of every pixel."""
         axes = [np.arange(n) * self.scale_mm_per_px for n in reversed(self.size_px)]
         grid = list(np.meshgrid(*axes, indexing="ij"))[::-1]
         if self.dimension == 2:

@@ -153,7 +153,7 @@ def _distributed() -> Any:
         import distributed
     except ImportError:
         raise UnsupportedError(
-            "worker processes need Dask, which is not installed; pip install 'sonocal[cluster]'"
+            "worker processes need Dask, which is not installed; pip install distributed"
         ) from None
     # A connection that closes while a cluster shuts down is no news.
     logging.getLogger("distributed").setLevel(logging.ERROR)

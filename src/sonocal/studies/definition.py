@@ -15,6 +15,7 @@ import numpy as np
 
 from sonocal.errors import FormatError, InputError
 from sonocal.files.toml import read_toml_text
+from sonocal.geometry.shown import brief
 from sonocal.studies.measures import QUANTITIES
 from sonocal.studies.methods import METHODS
 from sonocal.studies.scene import Scene
@@ -43,6 +44,8 @@ class Figure(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     statistic: Statistic = "p95"
     log: bool = False
 
+    __repr__ = brief
+
 
 class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The sentence that a study ends in, for each level of the other factors.
@@ -64,6 +67,8 @@ class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     wanted: Literal["least", "greatest"]
     reached: str
     missed: str
+
+    __repr__ = brief
 
 
 class Study(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -94,6 +99,8 @@ class Study(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     factors: dict[str, Annotated[list[float | int], msgspec.Meta(min_length=1)]]
     figure: Figure = Figure()
     answer: Answer | None = None
+
+    __repr__ = brief
 
     def cells(self) -> list[Cell]:
         """Every combination of levels, the last factor varying fastest."""

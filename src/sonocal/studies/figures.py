@@ -86,7 +86,7 @@ def figure_png(store: Store, rows: list[Row], dpi: int = 110) -> bytes:
         from matplotlib.figure import Figure
     except ImportError:
         raise UnsupportedError(
-            "figures need matplotlib, which is not installed; pip install 'sonocal[report]'"
+            "figures need matplotlib, which is not installed; pip install matplotlib"
         ) from None
     study = store.study
     boxes = study.figure.form == "boxes"

@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from sonocal.errors import UnsupportedError
+from sonocal.errors import UnsupportedError, require
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.studies.definition import Cell, Study
 from sonocal.studies.scene import BLOCK_TRIALS
 from sonocal.studies.store import Store
@@ -33,6 +34,8 @@ class Workers:
 
     executor: Executor
     count: Callable[[], int]
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,7 @@ def run_study(
         InputError: the folder holds something else, or cannot be written.
         UnsupportedError: a worker runs another version of sonocal.
     """
+    require("study", study, Study)
     version = program_version()
     store = Store(Path(folder), study, version)
     queue = _Queue(study, store)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.simulation.scene import IMAGE_PX, MARKER_DISTANCE_MM, NEEDLE_MM, PAPER_SCALE_MM_PER_PX
 
 __all__ = ["BLOCK_TRIALS", "Scene", "Trials", "simulate_block"]
@@ -64,6 +65,8 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     turn_deg_s: float = 5.0
     depth_mm: float = 60.0
     crosswires: int = 0
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)

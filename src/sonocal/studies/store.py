@@ -16,6 +16,7 @@ import numpy as np
 from sonocal.errors import FormatError, InputError
 from sonocal.files import make_folder, read_bytes, write_atomically
 from sonocal.geometry import Array
+from sonocal.geometry.shown import quoted
 from sonocal.studies.definition import Study
 from sonocal.studies.scene import BLOCK_TRIALS
 
@@ -67,6 +68,10 @@ class Store:
         self._runs: list[dict[int, int]] = [{} for _ in study.cells()]
         for path in sorted((folder / "shards").iterdir()):
             self._admit(path)
+
+    def __repr__(self) -> str:
+        shards = len(self._manifest.shards)
+        return f"<Store of the study {quoted(self.study.name)} in {quoted(self.folder)}: {shards} shards>"
 
     def missing(self, index: int) -> list[tuple[int, int]]:
         """Runs (first, last) of trials of a cell, by its index, that no shard holds; each begins at a block."""

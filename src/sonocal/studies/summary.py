@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.studies.definition import Answer, Cell, Study
 from sonocal.studies.measures import ERRORS, QUANTITIES
 from sonocal.studies.store import Store
@@ -55,6 +56,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     p95_low: float
     p95_high: float
     rms: float
+
+    __repr__ = brief
 
 
 def errors_of(store: Store, index: int, method: str, stage: str, quantity: str) -> Array:

@@ -24,6 +24,7 @@ from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health, stated_scale
 from sonocal.recording.health import Progress
@@ -88,6 +89,8 @@ def calibrate_recording(
         DegenerateGeometryError: the sightings leave a motion free.
         InputError: the recording lacks images or poses, or an option does not exist or means nothing.
     """
+    if detections is not None:
+        require("detections", detections, Detections)
     sweep = Sweep.of(recording, lines, **options)
     return sweep.calibrate(sweep.detector.detect(progress) if detections is None else detections)
 
@@ -112,6 +115,8 @@ class Sweep:
     detector: Detector
     segments_mm: Array
 
+    __repr__ = brief
+
     @classmethod
     def of(cls, recording: Recording, lines: Sequence[Line], **options: Unpack[Keywords]) -> Sweep:
         """As `calibrate_recording`.
@@ -120,7 +125,7 @@ class Sweep:
             InputError: the recording lacks images, nothing connects a line to the probe, or an option does not exist
                 or means nothing.
         """
-        require(recording, Recording, "a recording (see read_recording)")
+        require("recording", recording, Recording)
         require_lines(lines)
         asked = Options.for_lines(recording, lines, **options)
         detector = detector_of(recording, asked.detection)
@@ -199,9 +204,9 @@ def calibrate_points(
             exist or means nothing.
         DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
     """
-    require(recording, Recording, "a recording (see read_recording)")
+    require("recording", recording, Recording)
     require_lines(lines)
-    require(detections, Detections, "detections (see read_detections)")
+    require("detections", detections, Detections)
     asked = PointsOptions.for_recording(recording, **options)
     if len(lines) > 1 and (detections.target == "").any():
         raise InputError(

@@ -22,9 +22,12 @@ from sonocal.errors import (
     MirroredVolumeError,
     NoConsensusError,
     SonocalError,
+    require,
 )
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.cards import card
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.sweep.candidates import Candidates, Mask
@@ -82,6 +85,13 @@ class CandidateCalibration:
     reasons: dict[str, int]
     options: Options
 
+    __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        left_out = "".join(f"; {count} {why}" for why, count in self.reasons.items() if count)
+        used = f"{self.used} of {self.sightings} sightings took part{left_out}"
+        return f"{self.calibration._repr_html_()}{card('', used)}"
+
 
 def calibrate_candidates(
     candidates: Observations,
@@ -109,6 +119,7 @@ def calibrate_candidates(
         DegenerateGeometryError: the sightings leave a motion free.
         InputError: there are too few candidates, or an option means nothing.
     """
+    require("candidates", candidates, Observations)
     asked = Options.of(**options)
     refuse_splits(asked, "candidates are chosen first")
     return calibrate_chosen(candidates, asked, sightings or 0, look_again)

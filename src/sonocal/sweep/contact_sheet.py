@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.detection import Detections, as_grey
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.files.png import Pixels
 from sonocal.geometry import Array
 from sonocal.observations import Observations
@@ -56,6 +56,8 @@ def contact_sheet(
     Raises:
         InputError: the recording has no images.
     """
+    require("recording", recording, Recording)
+    require("detections", detections, Detections)
     if len(recording.frames) == 0:
         raise InputError(f"{recording.name}: has no images to show")
     count = len(recording.frames)

@@ -13,6 +13,7 @@ from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options as CalibrationOptions
 from sonocal.detection.options import Centre, DetectionOptions, check_detection_options
 from sonocal.errors import InputError
+from sonocal.geometry.shown import brief
 from sonocal.observations.image_size import size_in_words
 from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
@@ -67,6 +68,8 @@ class PointsOptions(CalibrationOptions):
     fixed: Fixed = field(default=None, compare=False)
     on_invalid: OnInvalid = "raise"
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         super().__post_init__()
         check_posing(self.probe, self.fixed, self.on_invalid)
@@ -113,6 +116,8 @@ class Options(PointsOptions):
     mask: NDArray[np.bool_] | None = field(default=None, compare=False)
     centre: Centre | None = None
     second_look: bool = True
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         super().__post_init__()

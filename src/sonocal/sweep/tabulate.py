@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.detection import Detections
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
@@ -39,6 +40,8 @@ class Posing:
     probe: str = "Probe"
     fixed: Fixed = None
     on_invalid: OnInvalid = "raise"
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         check_posing(self.probe, self.fixed, self.on_invalid)
@@ -95,6 +98,8 @@ class Sightings:
     kept: NDArray[np.bool_]
     diagnostics: tuple[Diagnostic, ...]
 
+    __repr__ = brief
+
 
 def tabulate(
     recording: Recording, lines: Sequence[Line], detections: Detections, posing: Posing | None = None
@@ -118,6 +123,7 @@ def tabulate(
         InputError: a detection names no line or no frame of the recording, no chain of transforms leads from a line
             to the probe, or nothing is left.
     """
+    require("recording", recording, Recording)
     return tabulated(recording, lines, detections, (posing or Posing()).segments_mm(recording, lines))
 
 

@@ -14,7 +14,8 @@ from sonocal.errors import InputError
 from sonocal.files import path_of
 from sonocal.files.kinds import Format
 from sonocal.files.xml import parse_xml, read_xml
-from sonocal.geometry import Array
+from sonocal.geometry import FURTHEST, Array
+from sonocal.geometry.shown import brief
 from sonocal.targets.lines import (
     Line,
     check_lines,
@@ -38,6 +39,8 @@ class Stated:
     error_mm: float | None = None
     date: str = ""
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class DeviceSet:
@@ -56,6 +59,8 @@ class DeviceSet:
     wires: tuple[Line, ...]
     patterns: tuple[tuple[str, ...], ...]
     stated: Mapping[tuple[str, str], Stated] = field(default_factory=dict)
+
+    __repr__ = brief
 
 
 def read_device_set(path: str | Path) -> DeviceSet:
@@ -115,7 +120,7 @@ def _stated(name: str, root: ET.Element) -> Iterator[tuple[tuple[str, str], Stat
 
 def _matrix(name: str, transform: str, text: str | None) -> Array:
     numbers = _numbers(text)
-    if numbers is None or len(numbers) != 16:
+    if numbers is None or len(numbers) != 16 or not np.all(np.abs(numbers) < FURTHEST):
         raise InputError(
             f"{name}: Transform {transform} needs a Matrix of 16 finite numbers; got {str(text)[:60]!r}"
         )
@@ -127,7 +132,9 @@ def _matrix(name: str, transform: str, text: str | None) -> Array:
         )
     # Against its own size: of metres per px the determinant is tiny.
     size = np.prod(np.linalg.norm(matrix[:3, :3], axis=0))
-    if not np.array_equal(matrix[3], [0, 0, 0, 1]) or not abs(np.linalg.det(matrix)) > FLAT * size:
+    with np.errstate(divide="ignore"):
+        volume = abs(np.linalg.det(matrix))
+    if not np.array_equal(matrix[3], [0, 0, 0, 1]) or not volume > FLAT * size:
         raise InputError(f"{name}: Transform {transform} cannot be inverted, or its last row is not 0 0 0 1")
     return matrix
 
@@ -178,7 +185,7 @@ FORMAT = Format(
     name="PLUS device set",
     kind="device set",
     suffixes=(".xml",),
-    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text,
+    sniff=lambda head: head.text.startswith(b"<") and b"<MRML" not in head.text and not head.is_page,
     read=read_device_set,
     holds="constant transforms, wires of a phantom; a wire that patterns share is one",
 )

@@ -8,8 +8,9 @@ from pathlib import PurePath
 
 import numpy as np
 
-from sonocal.errors import InputError, require
+from sonocal.errors import WORDS, InputError, require
 from sonocal.geometry import Array, frozen, real_array
+from sonocal.geometry.shown import brief
 
 __all__ = ["Line", "Point", "check_lines", "require_lines"]
 
@@ -27,6 +28,8 @@ class Line:
     name: str
     frame: str
     segment_mm: Array
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         _check_names("line", self, "its ends are in")
@@ -52,6 +55,8 @@ class Point:
     frame: str
     place_mm: Array
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         _check_names("point", self, "it is in")
         place = frozen(np.array(real_array(f"point {self.name!r}: its place", self.place_mm)))
@@ -68,13 +73,13 @@ def require_lines(lines: object) -> None:
     """
     if isinstance(lines, (str, PurePath)):
         raise InputError(
-            f"a list of lines is needed; got the name {str(lines)[:80]!r}: read them from the file with "
+            f"lines must be a list of lines; got the name {str(lines)[:80]!r}: read them from the file with "
             "lines, fixed = sonocal.targets.read_lines(name)"
         )
-    require(lines, Sequence, "a list of lines (see read_lines)")
+    require("lines", lines, Sequence, WORDS["Line"])
     assert isinstance(lines, Sequence)
     for line in lines:
-        require(line, Line, "a list of lines (see read_lines)")
+        require("lines", line, Line)
 
 
 def check_lines(name: str, lines: Sequence[Line]) -> None:
@@ -88,7 +93,7 @@ def check_lines(name: str, lines: Sequence[Line]) -> None:
 
 def _check_names(kind: str, target: Line | Point, where: str) -> None:
     for text in (target.name, target.frame):
-        require(text, str, f"text for the name and the frame of a {kind}")
+        require(f"name and frame of a {kind}", text, str, "text")
     if not target.name or not target.frame:
         raise InputError(f"{kind} {target.name!r}: needs a name and the frame {where}")
     try:

@@ -30,7 +30,8 @@ from sonocal.files import path_of, write_atomically
 from sonocal.files.kinds import Format, Head
 from sonocal.files.toml import read_toml_text
 from sonocal.geometry import Array
-from sonocal.targets.lines import Line, Point, check_lines
+from sonocal.geometry.shown import brief
+from sonocal.targets.lines import Line, Point, check_lines, require_lines
 
 __all__ = [
     "FORMAT",
@@ -58,6 +59,8 @@ class Targets:
 
     lines: tuple[Line, ...]
     points: tuple[Point, ...] = ()
+
+    __repr__ = brief
 
 
 def read_targets(path: str | Path) -> Targets:
@@ -97,7 +100,8 @@ def read_points_toml(path: str | Path) -> tuple[Point, ...]:
 
 def write_lines(lines: Sequence[Line], path: str | Path) -> None:
     """Write needles and wires; reading them again gives the same numbers to the last bit."""
-    write_atomically(path, lines_toml(str(path), lines))
+    require_lines(lines)
+    write_atomically(path, lines_toml(str(path_of(path)), lines))
 
 
 def lines_toml(

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sonocal.errors import InputError, SonocalError
+from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.geometry.units import UNITS_CODE, Hint, needle_hints, tip_hints, unit_doubt
 from sonocal.recording import (
     Poses,
@@ -43,12 +44,18 @@ from sonocal.tools.spin import (
 __all__ = ["Stylus", "ToolCalibration", "calibrate_tool", "pivot_doubts", "stylus_tip", "tool_toml"]
 
 
+# Poses that tell whether a pivot is in mm.
+ENOUGH_POSES = 400
+
+
 @dataclass(frozen=True, eq=False)
 class Stylus:
     """What touches the tool: the name of its marker, and its tip (3,) mm in that marker's frame."""
 
     name: str
     tip_mm: Array
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +75,8 @@ class ToolCalibration:
     spin: SpinCalibration | None
     needle: NeedleCalibration | None
     diagnostics: tuple[Diagnostic, ...]
+
+    __repr__ = brief
 
 
 def calibrate_tool(
@@ -153,6 +162,7 @@ def _needle_doubts(tool: str, needle: NeedleCalibration | None) -> Iterator[Diag
 
 def pivot_doubts(recording: Recording) -> list[Diagnostic]:
     """The doubt that a recording of nothing but a pivot is in mm; none of what is no pivot."""
+    recording = recording.select(np.arange(0, len(recording), 1 + len(recording) // ENOUGH_POSES))
     for poses in [] if recording.image is not None else recording.poses.values():
         try:
             pivot = calibrate_tool(poses.source, recording, on_invalid="skip")
@@ -179,6 +189,7 @@ def stylus_tip(path: str | Path, stylus: str) -> Array:
 
 def tool_toml(found: ToolCalibration, name: str) -> bytes:
     """What was found as the text of a ``.toml`` file: the needle as a line, a pivot's tip as a point."""
+    require("found", found, ToolCalibration)
     lines = [] if found.needle is None else [found.needle.line]
     tips = [point for point in found.points[:1] if isinstance(point, PivotCalibration)]
     points = [Point("tip", found.tool, tip.tip_mm) for tip in tips]

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from sonocal.errors import DegenerateGeometryError, InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.recording import Poses
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import Line
@@ -46,6 +47,8 @@ class NeedleCalibration:
     direction_deviation_deg: float
     diagnostics: tuple[Diagnostic, ...]
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class DigitisedPoint:
@@ -62,6 +65,8 @@ class DigitisedPoint:
     covariance: Array
     samples: int
     diagnostics: tuple[Diagnostic, ...] = ()
+
+    __repr__ = brief
 
 
 def needle_from_axis(

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.tools import pivot_fit as fit
 from sonocal.tools.poses import (
@@ -65,6 +66,8 @@ class PivotCalibration:
     inlier: NDArray[np.bool_]
     spread_deg: float
     diagnostics: tuple[Diagnostic, ...]
+
+    __repr__ = brief
 
     @property
     def tip_deviation_mm(self) -> float:

@@ -12,6 +12,8 @@ __all__ = ["covariance", "least_median", "residuals", "reweighted", "settled"]
 
 MINIMAL_POSES = 3
 TRIALS = 300
+# Poses that a start is looked for among: so many tell it, and memory stays bounded.
+MOST_POSES = 5000
 TUKEY = 4.685
 # Distances beyond this many deviations per coordinate are no noise: 1 in 10 000 of a normal distribution in space.
 CUT = 4.6
@@ -20,7 +22,10 @@ BLOCKS = 20
 
 
 def least_median(rotations: Array, places: Array, rng: np.random.Generator, source: str) -> Array:
-    """The tip and pivot of the triple of poses whose median residual over all poses is least."""
+    """The tip and pivot of the triple of poses whose median residual is least: over all poses, or many of them."""
+    if len(rotations) > MOST_POSES:
+        some = rng.choice(len(rotations), MOST_POSES, replace=False)
+        rotations, places = rotations[some], places[some]
     picks = np.argsort(rng.random((TRIALS, len(rotations))), axis=1)[:, :MINIMAL_POSES]
     means = rotations[picks].mean(axis=1)
     smallest = np.linalg.eigvalsh(np.eye(3) - np.swapaxes(means, 1, 2) @ means)[:, 0]

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.errors import DegenerateGeometryError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 from sonocal.tools.poses import checked_poses
 
 __all__ = ["SpinCalibration", "calibrate_spin"]
@@ -51,6 +52,8 @@ class SpinCalibration:
     turn_deg: float
     inlier: NDArray[np.bool_]
     diagnostics: tuple[Diagnostic, ...]
+
+    __repr__ = brief
 
 
 def calibrate_spin(

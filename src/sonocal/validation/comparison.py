@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sonocal.calibration import Calibration
 from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.geometry import Array, area_places
+from sonocal.geometry.shown import brief
 from sonocal.registration.uncertainty import point_covariance, point_jacobian, radius_95
 
 __all__ = ["Comparison", "compare"]
@@ -39,6 +40,8 @@ class Comparison:
     allowed_mm: Array
     p_value: float
     shared_input: bool
+
+    __repr__ = brief
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
@@ -88,8 +91,8 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     Source: Hotelling's test of the difference of the two, whose errors are taken as independent, with the freedom that
     both covariances have: few sightings leave their size unsure.
     """
-    for one in (first, second):
-        require(one, Calibration, "a calibration (see load)")
+    require("first", first, Calibration)
+    require("second", second, Calibration)
     if first.dimension != second.dimension:
         raise InputError(
             f"the calibrations are of a {first.dimension}D and of a {second.dimension}D probe; compare two of one probe"

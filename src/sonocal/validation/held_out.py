@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration, line_distances, point_line_rows
 from sonocal.calibration.held_out import independent_units
-from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError
+from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError, require
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import FREE_INFORMATION, refuse_degenerate_lines
@@ -32,6 +32,8 @@ def held_out(calibration: Calibration, observations: Observations) -> Quantity:
     The true value that the interval is about: the same over endless sightings of the same kind, for this
     calibration.
     """
+    require("calibration", calibration, Calibration)
+    require("observations", observations, Observations)
     return rms_quantity(
         "held-out",
         "Held-out rows",

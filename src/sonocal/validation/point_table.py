@@ -18,6 +18,7 @@ from sonocal.files.tables import (
     parse_table,
 )
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["PLACE_COLUMNS", "POSE_COLUMNS", "PointSightings", "parse_point_sightings", "read_point_sightings"]
 
@@ -54,6 +55,8 @@ class PointSightings:
     frame: NDArray[np.int64] = _DEFAULT
     source: str = "points"
     sha256: str = ""
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         count = len(self.points_px)
@@ -115,12 +118,14 @@ class PointSightings:
         if self.tracker_from_probe is None:
             return
         rotation = self.tracker_from_probe[:, :3, :3]
-        off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
-        bad = np.flatnonzero((off > NOT_RIGID) | (np.linalg.det(rotation) < 0))
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
+            determinants = np.linalg.det(rotation)
+        bad = np.flatnonzero(~(off <= NOT_RIGID) | (determinants < 0))
         if len(bad):
             raise InputError(
                 f"{self.source}, row {bad[0]}: the pose is not rigid (off by {off[bad[0]]:.2g}, "
-                f"det {np.linalg.det(rotation[bad[0]]):.2f}); check the order of its columns"
+                f"det {determinants[bad[0]]:.2f}); check the order of its columns"
             )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sonocal.calibration.statistics import log_interval, rms_interval
 from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.geometry.shown import brief
 
 __all__ = ["Quantity", "rms_quantity", "trimmed_mean_quantity"]
 
@@ -33,6 +34,8 @@ class Quantity:
 
     code: str
     title: str
+
+    __repr__ = brief
     definition: str
     value_mm: float
     low_mm: float

@@ -12,6 +12,7 @@ from sonocal.calibration.held_out import independent_units
 from sonocal.calibration.statistics import log_interval
 from sonocal.errors import UnsupportedError
 from sonocal.geometry import Array, area_places
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.validation.held_out import refitted
 from sonocal.validation.quantity import Quantity
@@ -39,6 +40,8 @@ class Repeatability:
     centre: Quantity
     places_px: Array
     places_mm: Array
+
+    __repr__ = brief
 
 
 def repeatability(calibration: Calibration, fitted: Observations, *, seed: int = 0) -> Repeatability:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sonocal.calibration import Calibration
+from sonocal.errors import require
 from sonocal.geometry import area_places
 
 __all__ = ["CANNOT_SHOW", "cannot_show"]
@@ -14,6 +15,7 @@ CANNOT_SHOW = "What these numbers cannot show"
 
 def cannot_show(calibration: Calibration) -> tuple[str, ...]:
     """What fits as well as the truth, each a sentence with what to compare: true of every calibration, no warning."""
+    require("calibration", calibration, Calibration)
     return (_orientation(calibration), _shared_offset(), _size(calibration), _speed_of_sound())
 
 

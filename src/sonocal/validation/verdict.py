@@ -8,7 +8,10 @@ from typing import Literal
 from sonocal.calibration import Calibration
 from sonocal.calibration.area import expected_errors, in_mm
 from sonocal.calibration.held_out import FAR, is_far_off
+from sonocal.errors import require
 from sonocal.findings import Diagnostic, reading_order
+from sonocal.geometry.cards import card
+from sonocal.geometry.shown import brief
 from sonocal.validation.whole import Validation
 
 __all__ = ["SPOILING", "Verdict", "give_verdict"]
@@ -65,6 +68,13 @@ class Verdict:
     reasons: tuple[str, ...] = ()
     codes: tuple[str, ...] = ()
 
+    __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        return card(
+            self.headline, self.expectation, zip(self.codes, self.reasons, strict=True), tone=self.level
+        )
+
     @property
     def remark(self) -> str:
         """The verdict in one line, for a file's comment."""
@@ -79,6 +89,7 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
         calibration: with what it says of itself: its fit, its set-up, its held-out rows.
         validation: what other rows say of it.
     """
+    require("calibration", calibration, Calibration)
     warnings = [*calibration.warnings]
     warnings += [d for d in (validation.diagnostics if validation else ()) if d.severity == "warning"]
     why = [(finding.code, _sentence(finding)) for finding in warnings]

@@ -13,6 +13,8 @@ from sonocal.calibration import Calibration, evidence_of, line_distances
 from sonocal.calibration.held_out import held_out_findings
 from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic, warnings_first
+from sonocal.geometry.cards import card
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.setup_checks import check_setup
 from sonocal.validation.crosswire import fixed_point_spread, reconstruction_accuracy
@@ -58,6 +60,13 @@ class Validation:
     source: str = ""
     sha256: str = ""
 
+    __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        rows = [(one.title, _said(one)) for one in self.quantities]
+        rows += [(one.severity, one.message) for one in self.diagnostics]
+        return card(f"Errors on {self.source}", rows=rows)
+
     def __getitem__(self, code: str) -> Quantity:
         """The quantity of a code.
 
@@ -68,6 +77,16 @@ class Validation:
             if quantity.code == code:
                 return quantity
         raise KeyError(f"no {code!r}; there are {', '.join(q.code for q in self.quantities)}")
+
+
+def _said(quantity: Quantity) -> str:
+    """A quantity with its interval, in words."""
+    known = ""
+    if np.isfinite(quantity.low_mm) and np.isfinite(quantity.high_mm):
+        known = f" ({quantity.low_mm:.2f} to {quantity.high_mm:.2f}, 95 %)"
+    return (
+        f"{quantity.value_mm:.2f} mm{known}, of {quantity.count} errors in {quantity.units} {quantity.unit}"
+    )
 
 
 def validate(
@@ -103,8 +122,8 @@ def validate(
     Raises:
         InputError: the rows do not fit the calibration.
     """
-    require(calibration, Calibration, "a calibration (see load)")
-    require(observations, Observations, "a table of sightings (see read_observations)")
+    require("calibration", calibration, Calibration)
+    require("observations", observations, Observations)
     if observations.dimension != calibration.dimension:
         raise InputError(
             f"{observations.source}: is of a {observations.dimension}D probe and the calibration of a "
@@ -156,6 +175,8 @@ def validate_points(calibration: Calibration, sightings: PointSightings) -> Vali
     Raises:
         InputError: the points do not fit the calibration.
     """
+    require("calibration", calibration, Calibration)
+    require("sightings", sightings, PointSightings)
     if sightings.points_px.shape[1] != calibration.dimension:
         raise InputError(
             f"{sightings.source}: is of a {sightings.points_px.shape[1]}D probe and the calibration of a "

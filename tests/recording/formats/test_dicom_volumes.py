@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from sonocal import FormatError, UnsupportedError
 from sonocal.recording import health
 from sonocal.recording.formats import read_recording
+from sonocal.recording.formats.parts.dicom_file import Item
 from tests.builders.kretz import kretz_bytes, some_toroid
 from tests.builders.pictures import PHILIPS_CLASS, dicom_file, images, items, palette, plane, volume_file
 
@@ -119,6 +120,24 @@ def test_a_volume_that_does_not_say_where_its_planes_lie_is_refused(tmp_path):
     volume_file(tmp_path / "b.dcm", [plane([0, 0, 0])] * 3, stack(1, 4)[0])
     with pytest.raises(FormatError, match="says where 3 of its 4 planes lie"):
         read_recording(tmp_path / "b.dcm")
+
+
+def test_planes_absurdly_far_away_are_refused(tmp_path):
+    volume_file(tmp_path / "a.dcm", [plane([0, 0, 1e300 * w]) for w in range(4)], stack(1, 4)[0])
+    with pytest.raises(FormatError, match="its ImagePositionVolume is not 3 numbers"):
+        read_recording(tmp_path / "a.dcm")
+
+
+def test_items_where_text_is_due_are_no_text():
+    # Turning them into text would look up tags that are in no dictionary.
+    inner = pydicom.Dataset()
+    inner.add_new(0x2E382E35, "UN", b"")
+    held = {
+        "SOPClassUID": pydicom.Sequence([inner]),
+        "Manufacturer": pydicom.multival.MultiValue(str, ["GE", "Kretz"]),
+    }
+    assert Item("a.dcm", held).text("SOPClassUID") == ""
+    assert Item("a.dcm", held).text("Manufacturer") == "GE\\Kretz"
 
 
 def philips(path, pixels, slices=3, syntax=None, **fields):

@@ -5,6 +5,7 @@ parts cut, repeated or exchanged, numbers replaced by extreme ones. Python canno
 a single example portably, so the tests bound what a reader may allocate: no more than a little beside its file.
 """
 
+import re
 import tracemalloc
 
 import pytest
@@ -20,6 +21,8 @@ from tests.builders.readers import (
 )
 
 MEMORY_LIMIT = 64 << 20
+# Of numbers in one file: the first ones are of the header and of every kind of column.
+MOST_PLACES = 30
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -53,6 +56,20 @@ def test_any_bytes_end_in_a_sentence(tmp_path_factory, content, name, start):
     path.write_bytes(start + content)
     for read in (READERS[name].read, whole):
         bounded(read, path)
+
+
+@pytest.mark.parametrize("number", [b"1e300", b"-1e300", b"1e-300", b"1e155", b"1e306"])
+@pytest.mark.parametrize("name", READERS)
+def test_numbers_of_any_size_end_in_a_sentence(tmp_path, name, number):
+    path = tmp_path / f"input{READERS[name].suffix}"
+    for content in sound_files(name):
+        places = [found.span() for found in re.finditer(rb"(?<![\w.])-?\d+\.\d+", content)][:MOST_PLACES]
+        for start, end in places:
+            path.write_bytes(content[:start] + number + content[end:])
+            try:
+                READERS[name].read(path)
+            except SonocalError as error:
+                assert "\n" not in str(error)
 
 
 def bounded(reader, path):

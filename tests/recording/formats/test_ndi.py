@@ -127,3 +127,21 @@ def test_what_is_wrong_with_a_log_is_said(tmp_path, change, kind, words):
     with pytest.raises(kind) as caught:
         read(tmp_path / "a.csv", change(ndi_capi(two_tools(), lost=(3,), markers=1)))
     assert str(caught.value) == words
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        # A time that stands behind the pose.
+        lambda text: text.replace("Time [sec]", "Stamp", 1).replace("\tTz\tPort", "\tTime\tPort", 1),
+        # A last tool that lacks columns, in rows that are as wide as the header.
+        lambda text: "\n".join("\t".join(line.split("\t")[:-9]) for line in text.splitlines()),
+    ],
+)
+def test_a_header_whose_columns_stand_elsewhere_ends_in_a_sentence_or_is_read(tmp_path, change):
+    text = ndi_toolbox(two_tools(), lost=(3,))
+    assert change(text) != text
+    try:
+        assert read(tmp_path / "a.tsv", change(text)).poses
+    except (FormatError, InputError) as error:
+        assert "\n" not in str(error)

@@ -157,3 +157,44 @@ def test_sequences_without_times_are_matched_by_their_order_alone(tmp_path, scra
     assert sentence(tmp_path / "b.mrb") == (
         "b.mrb: P.seq.mha has 3 items where 7 are due, and no times to match them by"
     )
+
+
+CONSTANT = [
+    ("StylusTipToProbe", PROBE[0]),
+    ("TrackerToRasTransform", NEEDLE[0]),
+    ("LinearTransform_4", PROBE[1]),
+]
+LAST_POSES = [("ProbeToTracker", PROBE[-1]), ("OtherToTracker", NEEDLE[-1])]
+
+
+@pytest.mark.parametrize("name", ["a.mrb", "a.mrml"])
+def test_transforms_that_stand_once_hold_for_all_items(tmp_path, scratch, name):
+    folder = "Data/" if name == "a.mrb" else ""
+    write_scene(tmp_path / name, FILES, scene_document(FILES, folder, [*CONSTANT, *LAST_POSES]))
+    recording = read_recording(tmp_path / name)
+    assert {*recording.poses} == {
+        "tracker_from_probe",
+        "tracker_from_needle",
+        "probe_from_stylus_tip",
+        "ras_from_tracker",
+    }
+    np.testing.assert_allclose(recording.tool("StylusTip", "Probe").matrices, [PROBE[0]] * N, rtol=2e-5)
+    tip = recording.between("Tracker", "StylusTip")
+    np.testing.assert_allclose(tip.matrices[VALID], (PROBE @ PROBE[0])[VALID], atol=1e-2)
+    note = next(one for one in recording.diagnostics if one.code == "constant-transforms")
+    assert note.message.startswith("StylusTipToProbe, TrackerToRas: one matrix")
+
+
+def test_transforms_of_a_scene_that_are_none_are_named(tmp_path, scratch):
+    def refused(*constant):
+        write_scene(tmp_path / "a.mrml", FILES, scene_document(FILES, "", constant))
+        return sentence(tmp_path / "a.mrml")
+
+    assert refused(("AToProbe", np.eye(3))).startswith(
+        "a.mrml: the matrix of AToProbe is not 16 numbers ('1 0 0"
+    )
+    assert "is not 16 numbers" in refused(("AToProbe", np.full((4, 4), 1e300)))
+    assert refused(("AToProbe", PROBE[0]), ("AToProbe", PROBE[1])) == (
+        "a.mrml: has two transforms AToProbe that differ; delete one in Slicer"
+    )
+    assert "more than 100 transforms" in refused(*((f"A{i}ToProbe", PROBE[0]) for i in range(101)))

@@ -1,4 +1,5 @@
 #include "sonocal/solvers/lanes/kernels.hpp"
+#include "sonocal/solvers/lanes/processor.hpp"
 
 namespace sonocal {
 
@@ -9,13 +10,9 @@ extern const Kernels kernels_avx2, kernels_avx512;
 constexpr std::size_t kFew = 2;
 
 const Kernels& kernels(std::size_t size) {
-  static const Kernels& narrow =
-      __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? kernels_avx2 : kernels_base;
-  static const Kernels& wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-                                       __builtin_cpu_supports("avx512dq")
-                                   ? kernels_avx512
-                                   : narrow;
-  return size < kFew ? narrow : wide;
+  static const Processor processor = this_processor();
+  if (processor.avx512 && size >= kFew) return kernels_avx512;
+  return processor.avx2 ? kernels_avx2 : kernels_base;
 }
 #else
 const Kernels& kernels(std::size_t) { return kernels_base; }

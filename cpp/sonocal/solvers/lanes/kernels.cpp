@@ -1,4 +1,5 @@
-// Compiled once for each kind of machine, with SONOCAL_KERNELS the name of the table to fill.
+// Compiled once for each kind of machine, with SONOCAL_KERNELS the name of the table to fill, and
+// SONOCAL_KIND the kind's.
 #include "sonocal/solvers/lanes/kernels.hpp"
 
 #include "sonocal/solvers/lanes/four_points_lanes.hpp"
@@ -9,6 +10,7 @@ namespace sonocal {
 
 extern const Kernels SONOCAL_KERNELS;
 const Kernels SONOCAL_KERNELS{
+    SONOCAL_KIND,
     [](const double* points, const double* segments, std::size_t size, bool real_parts, BatchOut out) {
       four_points_range(points, segments, size, real_parts, out);
     },

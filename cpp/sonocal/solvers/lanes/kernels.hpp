@@ -17,6 +17,7 @@ struct BatchOut {
 
 // Each takes the number of problems of its range and pointers to the first.
 struct Kernels {
+  const char* name;  // "base", "avx2", "avx512"
   void (*four_points)(const double* points, const double* segments, std::size_t size, bool real_parts,
                       BatchOut out);
   void (*two_lines)(const double* image, const double* needles, std::size_t size, BatchOut out);

@@ -16,10 +16,21 @@ from sonocal.existing import Existing, Matrices, meaning_of
 from sonocal.existing.difference import Difference
 from sonocal.existing.meaning import matrix_findings
 from sonocal.existing.worth import MATRIX_ALONE, Worth
+from sonocal.findings import begun
 from sonocal.geometry import Array, Similarity
 from sonocal.validation import CANNOT_SHOW, Quantity, give_verdict
 
-__all__ = ["existing_record", "print_difference", "print_existing", "print_worth", "remarks", "tip_sentences"]
+__all__ = [
+    "difference_sentence",
+    "existing_record",
+    "meaning_sentences",
+    "print_difference",
+    "print_existing",
+    "print_worth",
+    "quantities_in_turn",
+    "remarks",
+    "tip_sentences",
+]
 
 # Of a rotation's entries: a tip that PLUS wrote may be turned, so that its x axis lies along the shaft.
 UNTURNED = 1e-6
@@ -67,15 +78,14 @@ def print_difference(console: Console, apart: Difference, title: str, *, said_al
     console.print(table)
     if not said_already:
         console.print(Text(apart.sentence))
-    console.print(Text(f"Turned by {apart.rotation_deg:.2f} deg; {_scales_apart(apart)}."))
+    console.print(Text(difference_sentence(apart)))
     console.print()
 
 
 def remarks(existing: Existing) -> RenderableType:
     """What is odd about a matrix that goes from one program to another, or its scale."""
     u, v, _ = meaning_of(existing.matrix).scales_mm_per_px
-    name = existing.said[:1].upper() + existing.said[1:]
-    said = Text(f"{name}: {u:.5f} mm/px along u, {v:.5f} along v; no verdict is known of it.")
+    said = Text(f"{begun(existing.said)}: {u:.5f} mm/px along u, {v:.5f} along v; no verdict is known of it.")
     return Group(said, *map(finding, matrix_findings(existing)))
 
 
@@ -116,17 +126,17 @@ def tip_sentences(matrices: Matrices) -> list[str]:
 
 
 def _matrix(existing: Existing, *, numbers: bool = True) -> RenderableType:
-    said = existing.said[:1].upper() + existing.said[1:]
-    title = f"{said} ({existing.format}): mm in the probe marker's frame from px"
+    title = f"{begun(existing.said)} ({existing.format}): mm in the probe marker's frame from px"
     return Group(
         Text(title, style="bold"),
         *([MatrixRows(existing.matrix)] if numbers else []),
-        *(Text(sentence) for sentence in _meaning(existing)),
+        *(Text(sentence) for sentence in meaning_sentences(existing)),
         Text(),
     )
 
 
-def _meaning(existing: Existing) -> list[str]:
+def meaning_sentences(existing: Existing) -> list[str]:
+    """Scales, axes and origin of a matrix in words, and the error that its file states."""
     meaning = meaning_of(existing.matrix)
     u, v, w = meaning.scales_mm_per_px
     directions = [_direction(column) for column in meaning.rotation.T]
@@ -152,14 +162,14 @@ def _direction(column: Array) -> str:
 
 def _numbers(worth: Worth) -> NumberTable:
     table = NumberTable(f"Errors on {worth.source}, mm", "value", "95 % interval", "spread", "from")
-    for q in _in_turn(worth):
+    for q in quantities_in_turn(worth):
         interval = "unknown" if math.isnan(q.low_mm) else f"{q.low_mm:.2f} to {q.high_mm:.2f}"
         found = f"{q.count} in {q.units} {q.unit}"
         table.add_row(q.title, f"{q.value_mm:.3f}", interval, f"{q.spread_mm:.2f}", found)
     return table
 
 
-def _in_turn(worth: Worth) -> list[Quantity]:
+def quantities_in_turn(worth: Worth) -> list[Quantity]:
     """Each number of the matrix, and ours below it."""
     rest = list(worth.own_quantities)
     both = []
@@ -170,18 +180,19 @@ def _in_turn(worth: Worth) -> list[Quantity]:
 
 def _definitions(worth: Worth) -> list[tuple[str, str]]:
     """One for each definition, whoever's the number is."""
-    known = {q.definition: q.title for q in reversed(_in_turn(worth))}
+    known = {q.definition: q.title for q in reversed(quantities_in_turn(worth))}
     return [(title, definition) for definition, title in reversed(known.items())]
 
 
-def _scales_apart(apart: Difference) -> str:
+def difference_sentence(apart: Difference) -> str:
+    """How two matrices differ in rotation and scales."""
     parts = [
         f"{mine:.5f} against {other:.5f} mm/px along {axis} ({100 * ratio:+.2f} %)"
         for axis, mine, other, ratio in zip(
             "uvw", apart.scales_mm_per_px, apart.other_scales_mm_per_px, apart.scale_ratios, strict=False
         )
     ]
-    return ", ".join(parts)
+    return f"Turned by {apart.rotation_deg:.2f} deg; {', '.join(parts)}."
 
 
 def _indented(text: str) -> RenderableType:

@@ -6,9 +6,10 @@ from sonocal.cli.screen.tables import NumberTable
 from sonocal.cli.screen.terminal import Terminal
 from sonocal.studies import Row, Study, answer_sentences
 from sonocal.studies.measures import QUANTITIES
+from sonocal.studies.results_file import StudyResults
 from sonocal.studies.summary import BOUND
 
-__all__ = ["print_study"]
+__all__ = ["print_results", "print_study"]
 
 
 def print_study(study: Study, rows: list[Row]) -> None:
@@ -21,6 +22,21 @@ def print_study(study: Study, rows: list[Row]) -> None:
     statistic = study.figure.statistic if study.figure.form == "curves" else "median"
     for quantity in study.figure.quantities:
         console.print(_table(study, rows, quantity, statistic))
+
+
+def print_results(found: StudyResults) -> None:
+    """What is in a folder of results: the answers, or how far a run is."""
+    console, study = Terminal(highlight=False), found.study
+    varied = ", ".join(f"{name} ({len(levels)} levels)" for name, levels in study.factors.items())
+    console.print(
+        f"{found.name}: results of the study {study.name!r}, {study.trials} trials of each of {len(study.cells())} "
+        f"combinations of {varied}",
+        markup=False,
+    )
+    if found.rows:
+        print_study(study, list(found.rows))
+    else:
+        console.print("It goes on: no summary is there yet. Start it again, and it takes what is there.")
 
 
 def _table(study: Study, rows: list[Row], quantity: str, statistic: str) -> NumberTable:

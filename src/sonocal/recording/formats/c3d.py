@@ -17,6 +17,7 @@ from sonocal.files import file_size
 from sonocal.files.kinds import Format, Head
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.packages import needed
+from sonocal.recording.formats.parts.pose_columns import in_mm
 from sonocal.recording.markers import Markers, bodies_from_markers
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import by_name
@@ -48,7 +49,7 @@ def read_c3d(path: Path, markers: Markers = ()) -> Recording:
     size = file_size(path)
     if size > LARGEST:
         raise InputError(f"{path.name}: holds {size} bytes, more than the {LARGEST} that are read; cut it")
-    package = needed("c3d", path, "C3D needs the package c3d", "c3d")
+    package = needed("c3d", path, "C3D needs the package c3d")
     try:
         with path.open("rb") as handle, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what is damaged is refused below, or said by no number
@@ -65,7 +66,7 @@ def read_c3d(path: Path, markers: Markers = ()) -> Recording:
     if not 0 < rate < np.inf:
         raise InputError(f"{path.name}: {rate:g} frames a second is no rate; export it again")
     name, mm = UNITS[unit]
-    found = {label: mm * places[:, i] for i, label in enumerate(labels[: places.shape[1]])}
+    found = {label: in_mm(places[:, i], mm) for i, label in enumerate(labels[: places.shape[1]])}
     poses, notes = bodies_from_markers(found, markers, path.name)
     return Recording(
         times=np.arange(len(places)) / rate,

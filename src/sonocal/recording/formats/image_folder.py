@@ -13,6 +13,7 @@ import numpy as np
 
 from sonocal.errors import InputError
 from sonocal.files import read_text, reading
+from sonocal.files.elsewhere import is_study
 from sonocal.files.kinds import Format
 from sonocal.files.tables import parse_table
 from sonocal.geometry import Array
@@ -93,7 +94,7 @@ FORMAT = Format(
     name="folder of images or of DICOM files",
     kind="recording",
     suffixes=(),
-    sniff=lambda head: head.path.is_dir() and not is_bag_folder(head.path),
+    sniff=lambda head: head.path.is_dir() and not is_bag_folder(head.path) and not is_study(head),
     read=read_image_folder,
     holds="with the one table of poses in it; stamps from `frames.csv`, names or DICOM's times",
     needs=("pillow", "pydicom"),

@@ -20,6 +20,7 @@ from sonocal.files.tables import (
 )
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.recording.formats.parts.pose_columns import in_mm
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
 
@@ -127,7 +128,7 @@ def _bodies(
                 ]
             )
         quaternions = np.roll(parts["Rotation"], 1, axis=1)
-        yield poses_from_quaternions(quaternions, scale * parts["Position"], tool, "Tracker", name)
+        yield poses_from_quaternions(quaternions, in_mm(parts["Position"], scale), tool, "Tracker", name)
 
 
 def _column(

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -59,13 +60,13 @@ def read_ndi(path: Path) -> Recording:
     text = read_text(path, "a log of poses")
     rows = csv_lines(path.name, text, separator_of(text))
     block = Block.of(path.name, [cell.strip() for cell in next(rows, ([], 0))[0]])
-    log = _Log()
+    log = _Log(block)
     for row, line in rows:
-        log.add(block, [*block.tools(row, line)], line)
+        log.add([*block.tools(row, line)], line)
     if not log.stamps:
         raise InputError(f"{path.name}: has a header but no rows; record it again")
-    poses = by_name(log.poses(path.name, block), path.name)
-    times = log.times(path.name, block)
+    poses = by_name(log.poses(path.name), path.name)
+    times = log.times(path.name)
     return Recording(times=times, poses=poses, provenance=Provenance(path.name, "NDI log", (str(path),)))
 
 
@@ -83,47 +84,60 @@ class _Tool:
 class _Log:
     """What is read of a log; rows of one frame and of other tools are one item: some programs write a tool a row."""
 
+    block: Block
     found: dict[tuple[str, str], _Tool] = field(default_factory=dict)
     stamps: list[Sequence[str]] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
     frame: str = ""
 
-    def add(self, block: Block, tools: Sequence[Sequence[str]], line: int) -> None:
+    def __post_init__(self) -> None:
+        place = self.block.place
+        # Looked up once, since an hour has a million rows.
+        self._frame, self._state, self._port = place["Frame"], place["state"], place.get("PortHandle", 0)
+        self._stamp = [place[name] for name in self.block.stamps]
+        self._pose = itemgetter(*(place[name] for name in self.block.pose))
+        self._keys: dict[tuple[str, str], tuple[str, str]] = {}
+
+    def add(self, tools: Sequence[Sequence[str]], line: int) -> None:
         """Add the tools of a row."""
         if not tools:
             return
-        keys = [
-            (
-                tool[0].strip()[:LONGEST_NAME],
-                tool[at].strip()[:LONGEST_NAME] if (at := block.place.get("PortHandle")) else "",
-            )
-            for tool in tools
-        ]
-        frame, item = tools[0][block.place["Frame"]].strip(), len(self.stamps) - 1
-        seen = any(self.found[key].items[-1] == item for key in keys if key in self.found)
-        if item < 0 or seen or frame != self.frame:
+        keys = [self._key(tool) for tool in tools]
+        frame, item = tools[0][self._frame].strip(), len(self.stamps) - 1
+        if item < 0 or frame != self.frame or self._seen(keys, item):
             self.frame, item = frame, item + 1
-            self.stamps.append([tools[0][block.place[name]] for name in block.stamps])
+            self.stamps.append([tools[0][at] for at in self._stamp])
             self.lines.append(line)
         for key, tool in zip(keys, tools, strict=True):
             one = self.found.setdefault(key, _Tool())
             one.items.append(item)
             one.lines.append(line)
-            one.cells.append([tool[block.place[name]] for name in block.pose])
-            one.states.append(tool[block.place["state"]].strip()[:LONGEST_STATE])
+            one.cells.append(self._pose(tool))
+            one.states.append(tool[self._state].strip()[:LONGEST_STATE])
 
-    def times(self, name: str, block: Block) -> Array:
+    def _key(self, tool: Sequence[str]) -> tuple[str, str]:
+        """A tool's title and port."""
+        cells = tool[0], tool[self._port] if self._port else ""
+        if (key := self._keys.get(cells)) is None:
+            title, port = (cell.strip()[:LONGEST_NAME] for cell in cells)
+            key = self._keys[cells] = title, port
+        return key
+
+    def _seen(self, keys: Iterable[tuple[str, str]], item: int) -> bool:
+        return any(self.found[key].items[-1] == item for key in keys if key in self.found)
+
+    def times(self, name: str) -> Array:
         """(N,) s; NaN where the program writes none, or a device without a clock zeros."""
         parts = [
             _numbers(name, column, [stamp[i] for stamp in self.stamps], self.lines)
-            for i, column in enumerate(block.stamps)
+            for i, column in enumerate(self.block.stamps)
         ]
         times = (
             parts[0] + (1e-9 * parts[1] if len(parts) > 1 else 0.0) if parts else np.zeros(len(self.stamps))
         )
         return times if np.isfinite(times).all() and times.any() else np.full(len(times), np.nan)
 
-    def poses(self, name: str, block: Block) -> Iterator[Poses]:
+    def poses(self, name: str) -> Iterator[Poses]:
         """The poses of every tool."""
         if len(self.stamps) * len(self.found) > MOST_POSES:
             raise InputError(
@@ -132,8 +146,8 @@ class _Log:
             )
         names = Counter(_called(title, port) for title, port in self.found)
         for (title, port), tool in self.found.items():
-            numbers = np.full((len(self.stamps), len(block.pose)), np.nan)
-            for i, column in enumerate(block.pose):
+            numbers = np.full((len(self.stamps), len(self.block.pose)), np.nan)
+            for i, column in enumerate(self.block.pose):
                 numbers[tool.items, i] = _numbers(
                     name, column, [cells[i] for cells in tool.cells], tool.lines
                 )
@@ -143,7 +157,7 @@ class _Log:
             good = np.array([state == "OK" for state in status])
             numbers[~good] = np.nan
             turns, places = numbers[:, :-3], numbers[:, -3:]
-            if block.pose[0] != QUATERNION[0]:
+            if self.block.pose[0] != QUATERNION[0]:
                 turns = quaternions_from_angles(np.deg2rad(turns), NDI_ANGLES)
             poses = poses_from_quaternions(turns, places, _named(title, port, names), "Tracker", name)
             yield Poses(poses.source, poses.target, poses.matrices, poses.valid, tuple(status))
@@ -165,7 +179,7 @@ def _word(text: str) -> str:
 
 
 def _numbers(name: str, column: str, cells: Sequence[str], lines: Sequence[int]) -> Array:
-    if any("," in cell for cell in cells):  # between tabs or semicolons
+    if "," in "".join(cells):  # between tabs or semicolons
         cells = [cell.replace(",", ".") for cell in cells]
     numbers = cells_to_numbers(name, column, cells, lines, blank=np.nan)
     numbers[~(np.abs(numbers) < NO_NUMBER)] = np.nan

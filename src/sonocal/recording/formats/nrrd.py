@@ -6,6 +6,7 @@ it is the oracle of the tests.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -148,7 +149,7 @@ def _spacing(header: Header, axes: _Axes) -> tuple[float, ...] | None:
         return None
     try:
         lengths = [
-            np.linalg.norm([float(x) for x in v.strip("()").split(",")]) if v != "none" else np.nan
+            math.hypot(*(float(x) for x in v.strip("()").split(","))) if v != "none" else math.nan
             for v in vectors
         ]
     except ValueError:

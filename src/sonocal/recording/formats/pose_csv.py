@@ -30,9 +30,16 @@ from sonocal.files.tables import (
 from sonocal.geometry import Array
 from sonocal.recording.formats.ndi import is_ndi
 from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
-from sonocal.recording.formats.parts.pose_columns import MM_PER_UNIT, Part, PoseColumn, pose_column, tools_in
+from sonocal.recording.formats.parts.pose_columns import (
+    MM_PER_UNIT,
+    Part,
+    PoseColumn,
+    in_mm,
+    pose_column,
+    tools_in,
+)
 from sonocal.recording.formats.parts.pose_csv_write import write_pose_csv
-from sonocal.recording.formats.parts.sequence_fields import TRANSFORM
+from sonocal.recording.formats.parts.sequence_fields import TRANSFORM, sixteen_each
 from sonocal.recording.formats.parts.stamps import times_of
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
@@ -102,6 +109,8 @@ def _tools(table: Table, tools: Mapping[str, Columns], stem: str, angles: str | 
 
 
 def _from_cells(table: Table, column: str, source: str, target: str) -> Poses:
+    if (numbers := sixteen_each(table.columns[column])) is not None:
+        return Poses.of(source, target, numbers.reshape(-1, 4, 4))
     matrices = np.full((len(table.lines), 4, 4), np.nan)
     for row, cell in enumerate(table.columns[column]):
         if not cell.strip():
@@ -159,7 +168,7 @@ def _places(table: Table, columns: Columns) -> Array:
             f"{table.name}, line 1: lacks the column {_place_beside(beside)} beside {beside.name}"
         )
     numbers = _numbers(table, columns, "place", "xyz")
-    return numbers * [MM_PER_UNIT[columns["place", axis].unit] for axis in "xyz"]
+    return in_mm(numbers, [MM_PER_UNIT[columns["place", axis].unit] for axis in "xyz"])
 
 
 def _place_beside(column: PoseColumn) -> str:

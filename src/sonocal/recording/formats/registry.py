@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sonocal.errors import FormatError, InputError, UnsupportedError
+from sonocal.errors import FormatError, InputError, UnsupportedError, require
 from sonocal.files import path_of
 from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.kinds import Format, Head, recognise, refuse_container, suffixes_of
@@ -150,6 +150,7 @@ def write_recording(recording: Recording, path: str | Path, compress: bool = Tru
     Raises:
         UnsupportedError: the name ends otherwise.
     """
+    require("recording", recording, Recording)
     path = path_of(path)
     for one in FORMATS:
         if one.write is not None and path.suffix.lower() in one.writes:

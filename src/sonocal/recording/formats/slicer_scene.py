@@ -1,7 +1,7 @@
 """Scenes of 3D Slicer: ``.mrb`` (an archive) and ``.mrml`` (beside its files).
 
 A scene is a recording where it has a sequence of images, sequences of linear transforms, or both. Items are matched by
-the index values of the sequences, which are times. Constant transforms of a scene are not read.
+the index values of the sequences, which are times. Transforms that stand in the scene as one matrix hold for all items.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from sonocal.geometry import Array
 from sonocal.recording.formats import metaio, nrrd
 from sonocal.recording.formats.parts.archive import Archive, Folder, Home
 from sonocal.recording.formats.parts.at_times import at_times
+from sonocal.recording.formats.parts.scene_constants import constant_transforms, constants_note
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name
 
@@ -79,16 +80,14 @@ def _recording(home: Home) -> Recording:
         raise InputError(_nothing(home, root, parts))
     base = images[0] if images else tracked[0]
     times = base.times if images else _instants(tracked)
-    poses = (one for part in tracked for one in _at(home, part, times))
-    return (
-        replace(base, times=times, poses=by_name(poses, home.name))
-        if images
-        else _tracker(home, times, poses)
+    moving = [one for part in tracked for one in _at(home, part, times)]
+    constant = constant_transforms(home.name, root, moving, len(times))
+    return replace(
+        base if images else Recording(times=times),
+        times=times,
+        poses=by_name([*moving, *constant], home.name),
+        diagnostics=(*(base.diagnostics if images else ()), *constants_note(constant)),
     )
-
-
-def _tracker(home: Home, times: Array, poses: Iterator[Poses]) -> Recording:
-    return Recording(times=times, poses=by_name(poses, home.name))
 
 
 def _instants(tracked: list[Recording]) -> Array:
@@ -149,5 +148,5 @@ FORMAT = Format(
     suffixes=(".mrb", ".mrml"),
     sniff=_sniff,
     read=read_slicer_scene,
-    holds="one sequence of images (`.seq.nrrd`, `.seq.mha`) with sequences of linear transforms",
+    holds="one sequence of images (`.seq.nrrd`, `.seq.mha`) with sequences of linear transforms, and constant ones",
 )

@@ -17,6 +17,7 @@ from sonocal.files import read_text
 from sonocal.files.kinds import Format, Head
 from sonocal.files.tables import is_number
 from sonocal.geometry import Array
+from sonocal.recording.formats.parts.pose_columns import in_mm
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import by_name, poses_from_quaternions
 
@@ -39,7 +40,7 @@ def read_tum(path: Path) -> Recording:
     if not np.isfinite(table[:, 0]).all():
         raise InputError(f"{path.name}: a time is not finite; write seconds")
     quaternions = np.roll(table[:, 4:], 1, axis=1)
-    poses = poses_from_quaternions(quaternions, MM * table[:, 1:4], path.stem, "Tracker", path.name)
+    poses = poses_from_quaternions(quaternions, in_mm(table[:, 1:4], MM), path.stem, "Tracker", path.name)
     provenance = Provenance(path.name, "TUM trajectory", (str(path),), "metres")
     return Recording(times=table[:, 0].copy(), poses=by_name([poses], path.name), provenance=provenance)
 

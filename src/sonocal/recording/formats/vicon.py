@@ -28,6 +28,7 @@ from sonocal.files.tables import cells_to_numbers, csv_lines, is_number
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
+from sonocal.recording.formats.parts.pose_columns import in_mm
 from sonocal.recording.markers import Markers, bodies_from_markers
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
@@ -93,7 +94,7 @@ class _Section:
             raise InputError(
                 f"{self.name}: the unit of {name} {axes[0]} is {unit[:40]!r}; export mm, cm or m"
             )
-        return MM_PER_UNIT[unit] * numbers
+        return in_mm(numbers, MM_PER_UNIT[unit])
 
 
 def read_vicon(path: Path, angles: str | None = None, markers: Markers = ()) -> Recording:

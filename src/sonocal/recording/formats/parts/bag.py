@@ -61,7 +61,7 @@ class Bag:
         self._path, self.name = path, path.resolve().name
         self._folder = path.is_dir()
         self._start = b"" if self._folder else read_at(path, 0, 16)
-        needed("rosbags", path, "ROS bags need rosbags", "ros")
+        needed("rosbags", path, "ROS bags need rosbags")
         self._packed = False
 
     def __enter__(self) -> Self:

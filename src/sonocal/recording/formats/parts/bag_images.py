@@ -61,7 +61,12 @@ class BagFrames(Frames):
         self._pictures: Pictures | None = None
         self._ahead: tuple[int, Iterator[Image]] | None = None
         with Bag(path) as bag:
-            first = self._image(next(bag.messages([topic])), 0)
+            message = next(bag.messages([topic]), None)
+            if message is None:
+                raise FormatError(
+                    f"{bag.name}: the images of {topic[:80]} are not where it says; copy it again"
+                )
+            first = self._image(message, 0)
         self.shape, self.dtype = first.shape, first.dtype
 
     def __len__(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import warnings
+from collections.abc import MutableSequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from sonocal.errors import FormatError
 from sonocal.files import file_size
-from sonocal.geometry import Array
+from sonocal.geometry import FURTHEST, Array
 from sonocal.recording.formats.parts.bounded_file import BoundedFile
 from sonocal.recording.formats.parts.layout import COUNT_LIMIT
 from sonocal.recording.formats.parts.packages import needed
@@ -84,7 +85,10 @@ class Item:
 
     def text(self, key: Any) -> str:
         """A value as text, without the blanks around it; empty where it is absent."""
-        return str(self.get(key) or "").strip(" \0")
+        value = self.get(key)
+        if isinstance(value, MutableSequence):  # several; damaged, items of a sequence
+            value = "\\".join(one for one in value if isinstance(one, str))
+        return str(value or "").strip(" \0")
 
     def number(self, key: Any, default: float) -> float:
         """A finite number; the default where it is absent.
@@ -103,7 +107,7 @@ class Item:
         return number
 
     def numbers(self, key: Any, count: int) -> Array | None:
-        """`count` finite numbers; None where the value is absent.
+        """`count` numbers of usual size; None where the value is absent.
 
         Raises:
             FormatError: they are others.
@@ -115,7 +119,7 @@ class Item:
             found = np.atleast_1d(np.asarray(value, dtype=float))
         except (TypeError, ValueError, OverflowError):
             found = np.empty(0)
-        if found.shape != (count,) or not np.isfinite(found).all():
+        if found.shape != (count,) or not np.all(np.abs(found) < FURTHEST):
             raise FormatError(f"{self.name}: its {_named(key)} is not {count} numbers ({str(value)[:60]})")
         return found
 

@@ -59,7 +59,12 @@ class Block:
         if missing := [cell for cell in (*pose, "state") if cell not in place]:
             raise FormatError(f"{name}, line 1: lacks the column {missing[0]} of NDI's log; export it again")
         stamps = next((stamps for stamps in STAMPS if place.keys() >= {*stamps}), ())
-        last = max(place.get("markers", 0), place["state"], *(place[cell] for cell in pose))
+        read = ("Frame", "PortHandle", *stamps, *pose, "state", "markers")
+        last = max(place[cell] for cell in read if cell in place)
+        if starts[-1] + last >= len(header):
+            raise FormatError(
+                f"{name}, line 1: its last tool lacks columns that the first has; export it again"
+            )
         return cls(name, starts, len(header), place, pose, stamps, last)
 
     def tools(self, row: list[str], line: int) -> Iterator[Sequence[str]]:

@@ -11,14 +11,14 @@ from sonocal.errors import UnsupportedError
 __all__ = ["needed"]
 
 
-def needed(module: str, path: Path, sentence: str, extra: str = "io") -> Any:
+def needed(module: str, path: Path, sentence: str, package: str | None = None) -> Any:
     """A module of an optional package.
 
     Args:
         module: as it is imported.
         path: of the file, for the message.
         sentence: such as "videos need PyAV".
-        extra: of sonocal, which brings it.
+        package: that brings it, where that is not called as the module is.
 
     Raises:
         UnsupportedError: it is not installed.
@@ -26,4 +26,4 @@ def needed(module: str, path: Path, sentence: str, extra: str = "io") -> Any:
     try:
         return import_module(module)
     except ImportError:
-        raise UnsupportedError(f"{path.name}: {sentence}; pip install 'sonocal[{extra}]'") from None
+        raise UnsupportedError(f"{path.name}: {sentence}; pip install {package or module}") from None

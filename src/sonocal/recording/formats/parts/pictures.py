@@ -52,7 +52,7 @@ class Pictures:
     """
 
     def __init__(self, path: Path, sentence: str) -> None:
-        self._pillow = needed("PIL.Image", path, sentence)
+        self._pillow = needed("PIL.Image", path, sentence, "pillow")
 
     def look(self, source: Path | bytes, name: str) -> Kind:
         """What a picture is, before a pixel is decoded.

@@ -7,7 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["MM_PER_UNIT", "Part", "PoseColumn", "pose_column", "tools_in"]
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sonocal.geometry import Array
+
+__all__ = ["MM_PER_UNIT", "Part", "PoseColumn", "in_mm", "pose_column", "tools_in"]
 
 Part = Literal["quaternion", "place", "matrix", "angle"]
 MM_PER_UNIT = {"": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0}
@@ -27,6 +32,12 @@ STATED = re.compile(rf"(?:(?P<tool>.+?){BETWEEN}+)?(?P<angles>[xyz]{{3}}|[XYZ]{{
 LONGEST = 120
 # What ROS and others write where a file holds one tool.
 NAMELESS = {"pose", "transform", "field.pose", "field.pose.pose", "pose.pose", "field.transform"}
+
+
+def in_mm(lengths: Array, mm_per_unit: ArrayLike) -> Array:
+    """Lengths of a file, mm; one beyond all numbers is infinite, and its pose invalid."""
+    with np.errstate(over="ignore"):
+        return np.asarray(lengths * np.asarray(mm_per_unit))
 
 
 @dataclass(frozen=True)

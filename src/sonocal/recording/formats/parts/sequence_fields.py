@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +17,7 @@ from sonocal.errors import FormatError, InputError
 from sonocal.geometry import Array
 from sonocal.recording.poses import Poses, by_name
 
-__all__ = ["IMAGE_STATUS", "PREFIX", "TRANSFORM", "ItemFields", "interpret"]
+__all__ = ["IMAGE_STATUS", "PREFIX", "TRANSFORM", "ItemFields", "interpret", "sixteen_each"]
 
 PREFIX = "Seq_Frame"
 TRANSFORM = re.compile(r"(.+?)To([A-Z0-9_].*)Transform")
@@ -132,7 +132,7 @@ def _poses(name: str, columns: dict[str, dict[int, str]], count: int) -> Iterato
 
 
 def _matrices(name: str, field_name: str, column: Mapping[int, str], count: int) -> Array:
-    numbers = _sixteen_each(column)
+    numbers = sixteen_each(column.values())
     if numbers is None:
         numbers = np.array([_sixteen(name, index, field_name, text) for index, text in column.items()])
     matrices = np.full((count, 4, 4), np.nan)
@@ -140,7 +140,7 @@ def _matrices(name: str, field_name: str, column: Mapping[int, str], count: int)
     return matrices
 
 
-def _sixteen_each(column: Mapping[int, str]) -> Array | None:
+def sixteen_each(texts: Collection[str]) -> Array | None:
     """(N, 16) of N sound texts, all at once, or None: an hour of poses is millions of numbers.
 
     An infinity is put after each pose: where it does not stand at every seventeenth place, one is not sound.
@@ -148,10 +148,10 @@ def _sixteen_each(column: Mapping[int, str]) -> Array | None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            numbers = np.fromstring(_plain(" inf ".join(column.values()) + " inf"), sep=" ")
+            numbers = np.fromstring(_plain(" inf ".join(texts) + " inf"), sep=" ")
         except (DeprecationWarning, ValueError):
             return None
-    if len(numbers) != 17 * len(column) or not np.isposinf(numbers[16::17]).all():
+    if len(numbers) != 17 * len(texts) or not np.isposinf(numbers[16::17]).all():
         return None
     return numbers.reshape(-1, 17)[:, :16]
 

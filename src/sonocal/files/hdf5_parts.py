@@ -5,9 +5,12 @@ Source: "HDF5 File Format Specification Version 3.0", The HDF Group; section num
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 __all__ = [
     "Damaged",
@@ -15,14 +18,17 @@ __all__ = [
     "attribute_of",
     "count_of",
     "datatype_of",
+    "dtype_of",
     "exactly",
     "filters_of",
     "link_of",
     "messages_in",
     "name_at",
+    "shape_of",
     "unpacked",
 ]
 
+MOST_AXES = 32
 # Filters from here on have names.
 OWN_NAMES = 256
 
@@ -89,20 +95,33 @@ def filters_of(data: bytes) -> list[int]:
     return found
 
 
-def count_of(space: bytes) -> int:
-    """How many values there are (IV.A.2.b)."""
+def shape_of(space: bytes) -> tuple[int, ...]:
+    """How many values there are along each axis (IV.A.2.b)."""
     version, rank = exactly(space, 2)
-    start = 8 if version == 1 else 4
-    count = 1
-    for i in range(rank):
-        count *= unpacked("<Q", space[start + 8 * i :])[0]
-    return int(count)
+    if rank > MOST_AXES:
+        raise Damaged(f"it has {rank} axes")
+    return unpacked(f"<{rank}Q", space[8 if version == 1 else 4 :])
+
+
+def count_of(space: bytes) -> int:
+    """How many values there are."""
+    return math.prod(shape_of(space))
 
 
 def datatype_of(data: bytes) -> tuple[int, int, bool]:
     """The kind of values, their size, and whether the high byte comes first (IV.A.2.d)."""
     head, bits, size = unpacked("<BBxxI", data)
     return head & 15, size, bool(bits & 1)
+
+
+def dtype_of(data: bytes) -> np.dtype[Any]:
+    """Whole or floating-point numbers; `Damaged` of others."""
+    kind, size, big = datatype_of(data)
+    signed = exactly(data, 2)[1] & 8
+    code = {0: "i" if signed else "u", 1: "f"}.get(kind)
+    if code is None or size not in ((4, 8) if code == "f" else (1, 2, 4, 8)):
+        raise Damaged("it does not hold numbers")
+    return np.dtype(f"{'>' if big else '<'}{code}{size}")
 
 
 def name_at(names: bytes, offset: int) -> str:

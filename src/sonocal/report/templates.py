@@ -1,0 +1,42 @@
+"""The pages' templates, filled in: self-contained HTML."""
+
+from __future__ import annotations
+
+import datetime
+from importlib.resources import files
+from typing import Any
+
+from sonocal.errors import UnsupportedError
+from sonocal.findings import begun
+from sonocal.report.style import DETECTED, TRACKED
+
+__all__ = ["filled", "now"]
+
+
+def now() -> str:
+    """The date, as pages have it."""
+    return datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
+
+
+def filled(template: str, **values: Any) -> bytes:
+    """A template of this room.
+
+    Raises:
+        UnsupportedError: jinja2 is not installed.
+    """
+    try:
+        import jinja2
+    except ImportError as error:
+        raise UnsupportedError(
+            f"the report needs {error.name}, which is not installed; pip install matplotlib jinja2, or --no-report"
+        ) from None
+    loader = jinja2.FunctionLoader(lambda name: files("sonocal.report").joinpath(name).read_text("utf-8"))
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"typeset": _typeset, "begun": begun}
+    colours = {"detected_colour": DETECTED, "tracked_colour": TRACKED}
+    return environment.get_template(template).render(**colours, **values).encode()
+
+
+def _typeset(sentence: str) -> str:
+    """A sentence of the terminal's letters in those of a page."""
+    return sentence.replace("+-", "\N{PLUS-MINUS SIGN}")
