@@ -64,6 +64,7 @@ CODES = {
     "marker-slipped": "the marker moved on the probe during the scan",
     "two-markers": "one rigid motion parts the rows in two",
     "flipped-image": "the image is mirrored or turned",
+    "unexpected-orientation": "the expected orientation is another one",
     "scale-differs-from-scanner": "mm/px are not what the scanner says",
     "wrong-end-of-needle": "the needle is seen beyond an end of its segment",
     "wrong-tool-frame": "the lines are in another frame than the probe marker's",
@@ -109,6 +110,7 @@ CODES = {
     "not-computed": "a quantity could not be computed",
     "points-off": "points are further from where they are known to be than predicted",
     "points-far-off": "points are off by far more than is accepted",
+    "other-depth-setting": "another scan has other mm/px",
     "calibrations-differ": "two calibrations differ by more than their uncertainty",
     # existing
     "direction-by-scale": "which way a file's matrix goes was told by its scale",
@@ -118,6 +120,8 @@ CODES = {
     "sheared-matrix": "a matrix shears the image",
     "mirrored-matrix": "a matrix mirrors",
     "third-column": "a matrix's third column is not the image's normal",
+    "misread-matrix": "a matrix is right when it is read otherwise",
+    "expected-scale-differs": "the expected calibration has other mm/px",
     "worse-than-ours": "another matrix leaves more error than the calibration of the same rows",
 }
 
@@ -149,6 +153,7 @@ DECISIVE = {
     "wrong-poses",
     "wrong-tool-frame",
     "flipped-image",
+    "misread-matrix",
 }
 
 # Codes that name a cause beside those, and codes of what such causes bring about: the first are read before, the last
@@ -165,6 +170,8 @@ CAUSES = {
     "threshold-below-noise",
     "anisotropic-scale",
     "anisotropic-scale-far-off",
+    "other-depth-setting",
+    "unexpected-orientation",
     "scale-differs-from-scanner",
     "image-distortion",
     "slice-thickness",

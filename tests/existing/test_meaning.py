@@ -90,8 +90,9 @@ def test_of_a_2d_image_the_third_column_moves_nothing(seed):
     for third in (-1.0, 5.0, 1e-6):
         other = meaning_of(changed(seed, np.diag([1, 1, third])))
         np.testing.assert_allclose(other.rotation, plain.rotation, atol=1e-9)
-    (finding,) = matrix_findings(existing(changed(seed, np.diag([1, 1, -1]))), dimension=2)
-    assert finding.severity == "info"
+    for dimension, severity in ((2, "info"), (None, "info"), (3, "warning")):
+        (finding,) = matrix_findings(existing(changed(seed, np.diag([1, 1, -1]))), dimension=dimension)
+        assert finding.severity == severity
     (finding,) = matrix_findings(existing(changed(seed, np.diag([1, 1, 5]))), dimension=3)
     assert finding.severity == "warning"
 

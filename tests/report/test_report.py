@@ -10,6 +10,7 @@ import pytest
 
 import sonocal as sc
 from sonocal import report
+from sonocal.calibration.area import in_mm
 from sonocal.calibration.diagnostics import Diagnostic
 from sonocal.geometry import (
     needle_in_image,
@@ -178,8 +179,8 @@ def test_a_sound_calibration_is_for_use(sound):
     assert (verdict.level, verdict.headline, verdict.reasons) == ("use", "Use it", ())
     worst, centre = sound.predicted_errors()[2][:-1].max(), sound.predicted_errors()[2][-1]
     assert verdict.expectation == (
-        f"Expect errors of the calibration up to {worst:.1f} mm at the image's corners and {centre:.1f} mm at its "
-        "centre (95 %)."
+        f"Expect errors of the calibration up to {in_mm(worst)} mm at the image's corners and {in_mm(centre)} mm at "
+        "its centre (95 %)."
     )
 
 

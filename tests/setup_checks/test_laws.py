@@ -139,6 +139,18 @@ def test_calibrate_tells_the_checks_what_it_is_told():
     assert codes == [[], ["scale-differs-from-scanner"], ["flipped-image"], []]
 
 
+@pytest.mark.parametrize(
+    ("degrees", "code"), [(30, None), (90, "unexpected-orientation"), (170, "flipped-image")]
+)
+def test_only_turns_near_a_flip_are_called_one(degrees, code):
+    rows = simulate_observations(2, 40, seed=5).observations
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+    expected = calibrated(rows).probe_from_image.rotation @ turn
+    found = calibrated(rows, expected_rotation=expected).warnings
+    assert [one.code for one in found] == ([] if code is None else [code])
+
+
 @pytest.mark.parametrize("count", [4, 5, 8, 15, 16])
 @pytest.mark.parametrize("sigma", [0.0, 1.0])
 def test_few_rows_and_rows_without_noise_are_no_obstacle(count, sigma):

@@ -10,10 +10,12 @@ from sonocal.calibration.result import Calibration
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 
-__all__ = ["area_findings", "corner_of", "expected_errors"]
+__all__ = ["area_findings", "corner_of", "expected_errors", "in_mm"]
 
 # Of the image's side, or of the longest side seen: ten points anywhere in an image span four fifths of it and more.
 BAND = 0.1
+# No error is told to be less.
+LEAST_MM = 1e-4
 
 
 def expected_errors(calibration: Calibration, below: Array) -> str:
@@ -24,15 +26,20 @@ def expected_errors(calibration: Calibration, below: Array) -> str:
         below: its `predicted_errors` that 95 % stay below, mm.
     """
     worst, centre = float(below[:-1].max()), float(below[-1])
-    up_to = f"Expect errors of the calibration up to {worst:.1f} mm"
+    up_to = f"Expect errors of the calibration up to {in_mm(worst)} mm"
     if calibration.area_is_image:
-        return f"{up_to} at the image's corners and {centre:.1f} mm at its centre (95 %)."
+        return f"{up_to} at the image's corners and {in_mm(centre)} mm at its centre (95 %)."
     growth = 100 * calibration.error_growth_mm_per_px()
     return (
-        f"{up_to} at the corners of the area seen, {_size(calibration.area_px)} px, and {centre:.1f} mm at its centre "
-        f"(95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm a "
+        f"{up_to} at the corners of the area seen, {_size(calibration.area_px)} px, and {in_mm(centre)} mm at its "
+        f"centre (95 %). The image's size is not known: outside of that area errors grow by up to {growth:.2g} mm a "
         "100 px."
     )
+
+
+def in_mm(error: float) -> str:
+    """A predicted error in words' digits: two that count below 1 mm, and never 0, which no error is known to be."""
+    return f"{error:.1f}" if error >= 0.995 else f"{max(error, LEAST_MM):.2g}"
 
 
 def corner_of(area_name: str) -> str:

@@ -54,8 +54,8 @@ from sonocal.cli.told import (
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
-    from sonocal.existing import Choice
-    from sonocal.geometry import Array
+    from sonocal.calibration import Calibration
+    from sonocal.existing import Choice, Existing
 
 __all__ = ["calibrate"]
 
@@ -191,14 +191,15 @@ def calibrate(
         _require_kinds(source, lines)
         reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
     recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
-    options["expected_rotation"] = _expected(expected, choice_of(options))
+    expectation = _expected(expected, choice_of(options))
+    options["expected_rotation"] = None if expectation is None else rotation_of(expectation)
     with refusing(as_json=as_json):
         result = (
             _from_table(source, options, accept_units=accept_units)
             if lines is None
             else from_recording(source, lines, output, recorded, options)
         )
-    found = result.calibration
+    found = result.calibration if expectation is None else _against(result.calibration, expectation)
     refuse_units(source.name, found.diagnostics, accepted=accept_units)
     content = calibration_json(found)
     files = {"calibration.json": content, **result.files}
@@ -212,12 +213,18 @@ def calibrate(
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
 
 
-def _expected(path: Path | None, choice: Choice) -> Array | None:
+def _expected(path: Path | None, choice: Choice) -> Calibration | Existing | None:
     from sonocal.cli.formats import calibration_in
 
     found = None if path is None else calibration_in(path, choice)
     refuse_choice(found)
-    return None if found is None else rotation_of(found)
+    return found
+
+
+def _against(found: Calibration, expected: Calibration | Existing) -> Calibration:
+    from sonocal.existing.expected import against_expected
+
+    return against_expected(found, expected)
 
 
 def _names(points: Path | None, *, recording: bool, report: bool) -> tuple[str, ...]:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sonocal.errors import InputError
-from sonocal.existing.matrix import Existing, Form, Matrices, Stored, affine_inverse, slicer_form
+from sonocal.existing.matrix import Existing, Form, Matrices, Stored, affine_inverse, in_form
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 
-__all__ = ["Choice", "candidates", "chosen", "frames_in", "frames_of", "image_matrices", "in_form"]
+__all__ = ["AS", "Choice", "candidates", "chosen", "frames_in", "frames_of", "image_matrices"]
 
 # PLUS gives px of the transducer's origin a frame of their own: it is no place in mm.
 PIXELS = re.compile("pixel|transducerorigin", re.IGNORECASE)
@@ -70,6 +70,7 @@ def chosen(matrices: Matrices, choice: Choice | None = None) -> Existing:
         notes=tuple(notes),
         stated_error_mm=stored.stated_error_mm,
         date=stored.date,
+        form=form,
     )
 
 
@@ -80,13 +81,6 @@ def candidates(matrices: Matrices) -> list[Existing]:
     if not stored and (chain := _chained(matrices, "Image", "Probe")) is not None:
         stored = [chain]
     return [chosen(replace(matrices, stored=(one,)), Choice(one.name or None)) for one in stored]
-
-
-def in_form(matrix: Array, form: Form) -> Array:
-    """(4, 4): mm from px, of a matrix that is stored in a form."""
-    if form == "direct":
-        return matrix
-    return affine_inverse(matrix) if form == "inverse" else slicer_form(matrix)
 
 
 def frames_of(stored: Stored) -> tuple[str, str] | None:

@@ -23,7 +23,7 @@ class Difference:
         other: what the other one is called, in messages.
         places_px: (M, d): corners, then centre, of an area of the image.
         difference_mm: (M, 3): the matrix minus the other, in the probe marker's frame.
-        known_mm: (M,): what the other is known to (95 %); None where nothing says so.
+        known_mm: (M,): what the other is known to at all of these places at once (95 %); None where nothing says so.
         rotation_deg: the angle between the two.
         scales_mm_per_px, other_scales_mm_per_px: (3,), of the two.
     """
@@ -63,18 +63,20 @@ class Difference:
 
     @property
     def sentence(self) -> str:
-        """In words: how far, where, and whether that is more than the other leaves open."""
-        worst = int(np.argmax(self.distance_mm))
-        said = (
-            f"They are up to {self.distance_mm[worst]:.2f} mm apart, at ({_place(self.places_px[worst])}) px"
-        )
+        """In words: how far, where, and whether that is more than the other leaves open, at the place that shows it."""
+        furthest = int(np.argmax(self.distance_mm))
+        said = f"They are up to {self.distance_mm[furthest]:.2f} mm apart"
         if self.known_mm is None or self.beyond is None:
-            return f"{said}."
-        known = f"where {self.other} is known to {self.known_mm[worst]:.2f} mm (95 %)"
+            return f"{said}, at ({_place(self.places_px[furthest])}) px."
+        # The place that the conclusion rests on, which is not the furthest where the other is known less there.
+        worst = int(np.argmax(self.distance_mm / np.maximum(self.known_mm, np.finfo(float).tiny)))
+        at = f"at ({_place(self.places_px[worst])}) px"
+        where = f", {at}, where" if worst == furthest else f"; {at} {self.distance_mm[worst]:.2f} mm, where"
+        known = f"{self.other} is known to {self.known_mm[worst]:.2f} mm (95 %, all places at once)"
         open_to = (
             "more than that leaves open" if self.beyond.any() else "no more than that leaves open anywhere"
         )
-        return f"{said}, {known}: {open_to}."
+        return f"{said}{where} {known}: {open_to}."
 
 
 def difference(
@@ -110,7 +112,7 @@ def _known(one: Existing | Calibration, places: Array) -> Array | None:
         return None
     from sonocal.registration.uncertainty import radius_95
 
-    return radius_95(one.predict(places)[1], one.noise.freedom)
+    return radius_95(one.predict(places)[1], one.noise.freedom, at_once=len(places))
 
 
 def _place(place: Array) -> str:

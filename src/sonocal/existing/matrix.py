@@ -13,7 +13,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import FURTHEST, Array, AxisScaled, frozen
 from sonocal.geometry.shown import brief, quoted
 
-__all__ = ["Existing", "Form", "Matrices", "Stored", "affine_inverse", "checked", "slicer_form"]
+__all__ = ["Existing", "Form", "Matrices", "Stored", "affine_inverse", "checked", "in_form", "slicer_form"]
 
 Form = Literal["direct", "inverse", "slicer"]
 """How a file holds a matrix: as it maps px to mm, its inverse, or as 3D Slicer does."""
@@ -90,6 +90,7 @@ class Existing:
         notes: how it was read, where that is no matter of course.
         stated_error_mm: what the other software says of its error; None where it says nothing.
         date: when it was made, as the file spells it.
+        form: how its file was taken to hold it.
     """
 
     file: str
@@ -99,6 +100,7 @@ class Existing:
     notes: tuple[Diagnostic, ...] = ()
     stated_error_mm: float | None = None
     date: str = ""
+    form: Form = "direct"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", frozen(np.array(self.matrix, dtype=float)))
@@ -174,6 +176,13 @@ def slicer_form(matrix: Array) -> Array:
     Source: Slicer's developer guide, "Transforms": files hold the transform from parent, in LPS.
     """
     return np.asarray(LPS_FROM_RAS @ affine_inverse(matrix) @ LPS_FROM_RAS)
+
+
+def in_form(matrix: Array, form: Form) -> Array:
+    """(4, 4): mm from px, of a matrix that is stored in a form; and back: each form is its own inverse."""
+    if form == "direct":
+        return matrix
+    return affine_inverse(matrix) if form == "inverse" else slicer_form(matrix)
 
 
 def _is_last(row: Array) -> bool:

@@ -187,11 +187,11 @@ def _angle_findings(said: str, meaning: Meaning) -> Iterator[Diagnostic]:
 
 def _third_column(said: str, meaning: Meaning, dimension: int | None) -> Iterator[Diagnostic]:
     """Of 2D images it moves nothing; volumes, and programs that invert the matrix, use it."""
-    flat, used = dimension == 2, dimension == 3
+    used = dimension == 3
     if meaning.is_mirrored:
         yield Diagnostic(
             code="mirrored-matrix",
-            severity="info" if flat else "warning",
+            severity="warning" if used else "info",
             message=(
                 f"{said} mirrors: its third column points against the image's normal (determinant below 0), which no "
                 "rotation does; a volume would come out mirrored, and of a 2D image nothing moves"

@@ -13,6 +13,7 @@ from sonocal.errors import InputError, SonocalError
 from sonocal.existing.difference import Difference, difference
 from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
+from sonocal.existing.misread import misread, misread_finding
 from sonocal.existing.worth_findings import (
     Said,
     against_scanner,
@@ -56,6 +57,7 @@ class Worth:
         difference: from ours; None where there is none.
         said: the mm/px that the scanner or the recording states.
         diagnostics: what is odd about the matrix, and what the rows say of it; warnings first.
+        reread: what the matrix is instead of what it was read as, where one usual mistake explains the rows.
     """
 
     existing: Existing
@@ -67,12 +69,15 @@ class Worth:
     difference: Difference | None = None
     said: Said | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
+    reread: Existing | None = None
 
     @property
     def sentence(self) -> str:
         """The answer in one or two sentences."""
         if not self.quantities:
             return f"Nothing was measured of {self.existing.said}."
+        if led := next((one for one in self.diagnostics if one.code == "misread-matrix"), None):
+            return f"{begun(led.message)}: {led.advice}."
         said = f"On {self.source}, {self.existing.said} is off by {with_interval(self.quantities[0])}"
         if not self.own_quantities or self.difference is None:
             return f"{said}."
@@ -85,8 +90,9 @@ class Worth:
         if self.said is None:
             return ""
         given = " x ".join(f"{s:.5f}" for s in self.said.mm_per_px)
-        theirs = meaning_of(self.existing.matrix).scales_mm_per_px
-        parts = [f"this matrix has {ratios_to(theirs, self.said)}"]
+        theirs = meaning_of((self.reread or self.existing).matrix).scales_mm_per_px
+        name = "this matrix" if self.reread is None else "this matrix, read so,"
+        parts = [f"{name} has {ratios_to(theirs, self.said)}"]
         if self.own is not None:
             parts.append(f"ours {ratios_to(self.own.probe_from_image.scales, self.said)}")
         return f"{begun(self.said.by)} says {given} mm/px: {', '.join(parts)}."
@@ -128,11 +134,17 @@ def worth_of(
             failures += _measure(of, found, rows, nwires, held_out=split is not None)
     area = _area(rows, own)
     apart = None if own is None else difference(existing, own, area, "ours")
+    ways = misread(existing, rows, own, numbers.theirs, numbers.ours)
+    reread = ways[0].of(existing) if len(ways) == 1 else None
     findings = [
         *([] if refused is None else [not_calibrated(refused)]),
-        *matrix_findings(existing, observations.dimension),
-        *worse_than_ours(existing, numbers.theirs, numbers.ours, apart),
-        *against_scanner(existing, said),
+        *(
+            [misread_finding(existing, rows, ways, numbers.theirs[0], numbers.ours[0])]
+            if ways
+            else worse_than_ours(existing, numbers.theirs, numbers.ours, apart)
+        ),
+        *(matrix_findings(reread or existing, observations.dimension) if reread or not ways else ()),
+        *against_scanner(reread or existing, said),
         *failures,
     ]
     return Worth(
@@ -145,6 +157,7 @@ def worth_of(
         apart,
         said,
         warnings_first(findings),
+        reread,
     )
 
 

@@ -60,7 +60,7 @@ def point_covariance(transform: AxisScaled, covariance: Array, points: ArrayLike
     return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
 
-def radius_95(covariances: Array, freedom: float = np.inf) -> Array:
+def radius_95(covariances: Array, freedom: float = np.inf, *, at_once: int = 1) -> Array:
     """The error (...) in mm that 95 % stay below, for normal errors of covariance (..., 3, 3) in mm^2.
 
     The squared error is a sum of three scaled chi-squared variables; one of the same mean and variance
@@ -69,15 +69,17 @@ def radius_95(covariances: Array, freedom: float = np.inf) -> Array:
     Args:
         covariances: (..., 3, 3), mm^2.
         freedom: residuals to spare that the covariance's own scale rests on: few make the error larger.
+        at_once: errors that stay below together in 95 % of cases, or more where they depend (Sidak 1967).
     """
     from scipy.special import fdtri, gammaincinv
 
+    level = 0.95 ** (1.0 / at_once)
     mean = np.trace(covariances, axis1=-2, axis2=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = covariances / mean[..., None, None]
         terms = 1.0 / np.sum(shares**2, axis=(-2, -1))  # 1: along one line; 3: alike all round
         ratio = (
-            2.0 * gammaincinv(terms / 2, 0.95) / terms if np.isinf(freedom) else fdtri(terms, freedom, 0.95)
+            2.0 * gammaincinv(terms / 2, level) / terms if np.isinf(freedom) else fdtri(terms, freedom, level)
         )
         squared = np.where(mean > 0, mean * ratio, 0.0)
     return np.asarray(np.sqrt(squared))

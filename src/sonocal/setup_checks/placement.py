@@ -117,7 +117,7 @@ def _check_orientation(evidence: Evidence, expected: Array) -> Iterator[Diagnost
             return
     angle = np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0))
     if angle > ORIENTATION_RAD:
-        yield _flipped(f"against its expected orientation it is turned by {np.degrees(angle):.0f} deg")
+        yield _turned(float(np.degrees(angle)))
 
 
 def _check_marker_side(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -128,6 +128,19 @@ def _check_marker_side(evidence: Evidence) -> Iterator[Diagnostic]:
         yield _flipped(
             f"the marker, which is on the handle, would lie below the image's middle, at v = {marker[1]:.0f} px"
         )
+
+
+def _turned(degrees: float) -> Diagnostic:
+    """By no flip: then it is as likely that what was expected is read in other axes, or is another probe's."""
+    return Diagnostic(
+        code="unexpected-orientation",
+        severity="warning",
+        message=f"the expected orientation is {degrees:.0f} deg from this one, which is no mirrored or turned image",
+        advice=(
+            "see what was expected: a matrix that is an inverse or in LPS axes (sonocal validate MATRIX with this scan "
+            "says which), another probe's, or one from before the marker was mounted otherwise"
+        ),
+    )
 
 
 def _flipped(how: str) -> Diagnostic:

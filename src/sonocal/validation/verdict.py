@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sonocal.calibration import Calibration
-from sonocal.calibration.area import expected_errors
+from sonocal.calibration.area import expected_errors, in_mm
 from sonocal.calibration.held_out import FAR, is_far_off
 from sonocal.errors import require
 from sonocal.findings import Diagnostic, reading_order
@@ -100,9 +100,8 @@ def give_verdict(calibration: Calibration, validation: Validation | None = None)
     expectation = expected_errors(calibration, below)
     if any(code in BEYOND_PREDICTED for code, _ in why):
         # Not "expect": nobody should take home a number that was measured to be wrong.
-        expectation = (
-            f"What was measured contradicts the predicted errors of up to {below[:-1].max():.1f} mm (95 %)."
-        )
+        worst = in_mm(below[:-1].max())
+        expectation = f"What was measured contradicts the predicted errors of up to {worst} mm (95 %)."
     tolerance = calibration.options.tolerance_mm
     hopeless = is_far_off(calibration, float(below[:-1].max()))
     if hopeless:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.calibration import Calibration, evidence_of, line_distances
 from sonocal.calibration.held_out import held_out_findings
 from sonocal.errors import InputError, SonocalError, require
-from sonocal.findings import Diagnostic
+from sonocal.findings import Diagnostic, warnings_first
 from sonocal.geometry.cards import card
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
@@ -25,11 +25,21 @@ from sonocal.validation.held_out import (
 )
 from sonocal.validation.measured import point_findings
 from sonocal.validation.nwire import nwire_error
+from sonocal.validation.other_scan import other_scale, sound_alone
 from sonocal.validation.point_table import PointSightings
 from sonocal.validation.quantity import Quantity
 from sonocal.validation.repeatability import Repeatability, repeatability
 
 __all__ = ["Validation", "fitted_and_held_out", "fitted_rows", "validate", "validate_points"]
+
+FROM_RESIDUALS = {
+    "wrong-tool-frame",
+    "second-needle",
+    "two-markers",
+    "marker-slipped",
+    "latency",
+    "latency-beyond-tolerance",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +148,7 @@ def validate(
     told |= {"marker_above_image": marker_above_image}
     findings = [*attempts.failures, *_said_by(calibration, observations, unseen, told)]
     return Validation(
-        tuple(attempts.quantities), tuple(findings), spread, observations.source, observations.sha256
+        tuple(attempts.quantities), warnings_first(findings), spread, observations.source, observations.sha256
     )
 
 
@@ -148,10 +158,14 @@ def _said_by(
     """What rows say against a calibration; what it has found already is no news."""
     fitted = fitted_rows(calibration, observations)
     evidence = evidence_of(calibration, observations if fitted is None else fitted)
-    findings = [
-        *held_out_findings(calibration, unseen),
-        *check_setup(evidence, **told, seed=calibration.options.seed),
-    ]
+    off = [*held_out_findings(calibration, unseen)]
+    findings = [*off, *check_setup(evidence, **told, seed=calibration.options.seed)]
+    if off and fitted is None and (own := sound_alone(calibration, observations)) is not None:
+        # Rows that agree on a calibration of their own are in one frame with their images; what else residuals under
+        # another depth's mm/px look like is that depth's doing.
+        scale = [*other_scale(calibration, own)]
+        untrue = FROM_RESIDUALS if scale else {"wrong-tool-frame"}
+        findings = [*scale, *(one for one in findings if one.code not in untrue)]
     return [finding for finding in findings if finding not in calibration.diagnostics]
 
 

@@ -72,7 +72,7 @@ def print_worth(console: Console, worth: Worth, apart: Difference | None = None)
 def print_difference(console: Console, apart: Difference, title: str, *, said_already: bool = False) -> None:
     """How far apart at the corners, turned by how much, with which scales."""
     known = apart.known_mm is not None
-    table = NumberTable(title, "apart", *((f"{apart.other} known to (95 %)",) if known else ()))
+    table = NumberTable(title, "apart", *((f"{apart.other} known to (95 %, all at once)",) if known else ()))
     for place, distance, one in apart.rows:
         table.add_row(f"at {place} px", f"{distance:.2f}", *([] if one is None else [f"{one:.2f}"]))
     console.print(table)

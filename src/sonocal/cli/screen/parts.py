@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sonocal.calibration import Calibration
-from sonocal.findings import Diagnostic, begun
+from sonocal.findings import Diagnostic, begun, warnings_first
 from sonocal.validation import CANNOT_SHOW, Verdict, cannot_show
 
 __all__ = ["finding", "print_findings", "standing", "verdict_text"]
@@ -43,8 +43,8 @@ def standing(calibration: Calibration) -> RenderableType:
 
 
 def print_findings(console: Console, findings: Iterable[Diagnostic], severity: str | None = None) -> None:
-    """The findings of one severity, or all, warnings first; of neighbours with one remedy, the last says it."""
+    """The findings of one severity, or all, in reading order; of neighbours with one remedy, the last says it."""
     wanted = [one for one in findings if severity in (None, one.severity)]
-    ordered = sorted(wanted, key=lambda one: one.severity != "warning")
+    ordered = warnings_first(wanted)
     for found, following in zip_longest(ordered, ordered[1:]):
         console.print(finding(found, advised=following is None or following.advice != found.advice))

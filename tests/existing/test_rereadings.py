@@ -1,0 +1,170 @@
+"""A true matrix in each usual disguise is named by it, itself never, and what rows do not tell apart is not guessed."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from sonocal.existing import Existing
+from sonocal.existing.choice import Choice, chosen
+from sonocal.existing.matrix import Matrices, checked
+from sonocal.existing.rereadings import fitting, in_words, rereadings
+from sonocal.existing.worth import Said, worth_of
+from sonocal.simulation.scene import simulate_observations
+from tests.builders.similarities import random_similarity
+
+seeds = st.integers(0, 10_000)
+SIZE = (640, 480)
+LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
+INVERSE = np.linalg.inv
+
+
+def parts(linear=None, translation=1.0):
+    """A disguise of the 3 x 3 part and of the translation, apart."""
+
+    def changed(matrix):
+        made = matrix.copy()
+        made[:3, :3] = matrix[:3, :3] if linear is None else linear(matrix[:3, :3])
+        made[:3, 3] *= translation
+        return made
+
+    return changed
+
+
+def rows_by(factor):
+    return lambda matrix: np.diag([factor] * 3 + [1.0]) @ matrix
+
+
+def flipped(*axes):
+    flip = np.eye(4)
+    for axis in axes:
+        flip[axis, axis], flip[axis, 3] = -1, SIZE[axis] - 1
+    return lambda matrix: matrix @ flip
+
+
+def rigid(matrix):
+    return parts(lambda linear: linear / np.cbrt(np.linalg.det(linear)))(matrix)
+
+
+# What a file holds of the true matrix, how it was read, and what is said of it.
+DISGUISES = {
+    "inverse": (INVERSE, "direct", "give --stored-as inverse"),
+    "direct, read as inverse": (lambda m: m, "inverse", "give --stored-as direct"),
+    "slicer": (lambda m: INVERSE(LPS @ m @ LPS), "direct", "give --stored-as slicer"),
+    "slicer, read as inverse": (lambda m: INVERSE(LPS @ m @ LPS), "inverse", "give --stored-as slicer"),
+    "direct, read as slicer": (lambda m: m, "slicer", "give --stored-as direct"),
+    "inverse, read as slicer": (INVERSE, "slicer", "give --stored-as inverse"),
+    "LPS": (lambda m: LPS @ m @ LPS, "direct", "is in LPS axes instead of RAS, of image and marker"),
+    "LPS, read as slicer": (lambda m: LPS @ m @ LPS, "slicer", "is in LPS axes instead of RAS"),
+    "marker in LPS": (lambda m: LPS @ m, "direct", "has the marker's axes in LPS"),
+    "image in LPS": (lambda m: m @ LPS, "direct", "has the image's axes in LPS"),
+    "inverse of the marker in LPS": (lambda m: INVERSE(LPS @ m), "direct", "give --stored-as inverse"),
+    "metres": (rows_by(1e-3), "direct", "is in metres instead of mm"),
+    "centimetres": (rows_by(1e-1), "direct", "is in centimetres instead of mm"),
+    "inverse, in metres": (lambda m: INVERSE(rows_by(1e-3)(m)), "direct", "and is in metres"),
+    "translation in metres": (parts(translation=1e-3), "direct", "has its translation in metres"),
+    "translation in cm": (parts(translation=1e-1), "direct", "has its translation in centimetres"),
+    "rotation transposed": (parts(np.transpose), "direct", "has its rotation transposed"),
+    "u and v exchanged": (lambda m: m[:, [1, 0, 2, 3]], "direct", "u and v are exchanged"),
+    "u mirrored": (flipped(0), "direct", "mirrored along u"),
+    "v mirrored": (flipped(1), "direct", "mirrored along v"),
+    "half a turn": (flipped(0, 1), "direct", "turned by half a turn"),
+    "px for mm": (rigid, "direct", "takes pixels for mm"),
+    "px for mm, as Slicer stores it": (
+        lambda m: INVERSE(LPS @ rigid(m) @ LPS),
+        "direct",
+        "give --stored-as slicer, and multiply",
+    ),
+}
+
+
+def as_read(content, form):
+    """A file's matrix, read as somebody or its format says."""
+    matrices = Matrices("a.txt", "4 x 4", (checked("a.txt", content),))
+    return chosen(matrices, Choice(stored_as=form))
+
+
+def rms_mm(matrix, truth):
+    places = np.array([[u, v, 0, 1] for u in (0, 300, 639) for v in (0, 200, 479)])
+    return np.sqrt(np.mean(np.sum((places @ (matrix - truth)[:3].T) ** 2, axis=1)))
+
+
+def named(existing, truth, noise_mm=0.5, size=SIZE):
+    """What the places of the image say, were they known to the noise: words and advice of each way that fits."""
+
+    def off(matrix):
+        return float(np.hypot(rms_mm(matrix, truth), noise_mm))
+
+    scale = np.cbrt(np.linalg.det(truth[:3, :3]))
+    ways = rereadings(existing, 2, size, scale)
+    found = fitting(ways, off, off(existing.matrix), noise_mm)
+    return [f"{one.words}: {one.advice}" for one in found]
+
+
+@pytest.mark.parametrize("disguise", DISGUISES)
+@given(seed=seeds)
+def test_a_disguised_matrix_is_named_by_its_disguise(disguise, seed):
+    truth = random_similarity(seed, 0.2).matrix
+    hidden, form, words = DISGUISES[disguise]
+    existing = as_read(hidden(truth), form)
+    assume(rms_mm(existing.matrix, truth) > 5)  # a rotation may be its own transpose
+    assert any(words in found for found in named(existing, truth))
+
+
+@given(seed=seeds, scale=st.floats(0.02, 0.7), noise=st.floats(0.05, 3))
+def test_the_true_matrix_is_never_named_however_it_is_stored(seed, scale, noise):
+    truth = random_similarity(seed, scale).matrix
+    for form, stored in (("direct", truth), ("inverse", INVERSE(truth))):
+        assert named(as_read(stored, form), truth, noise) == []
+
+
+@given(seed=seeds)
+def test_a_marker_that_was_moved_is_no_disguise(seed):
+    truth, moved = random_similarity(seed, 0.2).matrix, random_similarity(seed + 1, 0.2).matrix
+    assert named(as_read(moved, "direct"), truth) == []
+
+
+def test_two_ways_that_coincide_are_both_said_and_neither_is_guessed():
+    truth = np.array([[0.2, 0, 0, 0], [0, 0.2, 0, 0], [0, 0, 0.2, 80], [0, 0, 0, 1.0]])
+    existing = as_read(LPS @ truth, "direct")
+    assert len(named(existing, truth)) == 2
+    ways = [one for one in rereadings(existing, 2) if np.allclose(one.matrix, truth)]
+    words, advice = in_words(ways)
+    assert "marker's axes in LPS" in words
+    assert "image's axes in LPS" in words
+    assert "these rows do not tell" in words
+    assert advice.startswith("see which it is: ")
+
+
+def test_without_the_images_size_nothing_is_called_mirrored():
+    truth = random_similarity(3, 0.2).matrix
+    assert named(as_read(flipped(0)(truth), "direct"), truth, size=None) == []
+
+
+@pytest.mark.parametrize("disguise", DISGUISES)
+def test_a_scan_names_the_disguise_first_and_blames_nothing_else(disguise):
+    made = simulate_observations(2, 60, seed=4)
+    rows = dataclasses.replace(made.observations, image_size_px=SIZE)
+    hidden, form, words = DISGUISES[disguise]
+    existing = as_read(hidden(made.probe_from_image.matrix), form)
+    worth = worth_of(existing, rows, said=Said((0.24,), "the scanner"))
+    assert [one.code for one in worth.diagnostics if one.severity == "warning"] == ["misread-matrix"]
+    first = worth.diagnostics[0]
+    assert words in f"{first.message}: {first.advice}"
+    assert worth.sentence.lower() == f"{first.message}: {first.advice}.".lower()
+    assert "this matrix, read so, has" in worth.scale_sentence
+    np.testing.assert_allclose(
+        worth.reread.matrix[:3, [0, 1, 3]], made.probe_from_image.matrix[:3, [0, 1, 3]], rtol=0.02, atol=0.02
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_volume_whose_axes_are_exchanged_is_named(seed):
+    made = simulate_observations(3, 40, seed=seed)
+    for axes in ((1, 0, 2, 3), (2, 1, 0, 3), (0, 2, 1, 3)):
+        matrix = made.probe_from_image.matrix[:, axes]
+        worth = worth_of(Existing("a.txt", "4 x 4", "", matrix), made.observations)
+        one, other = ("uvw"[i] for i, k in enumerate(axes[:3]) if i != k)
+        assert f"{one} and {other} are exchanged" in worth.diagnostics[0].message
