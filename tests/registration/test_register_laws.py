@@ -175,7 +175,7 @@ def test_options_are_refused_before_anything_is_done(keywords, sentence):
 def test_no_rows_are_no_rows_to_put_together():
     with pytest.raises(InputError, match=r"^there is no correspondence to put together"):
         reg.rows()
-    with pytest.raises(InputError, match=r"^rows of correspondences"):
+    with pytest.raises(InputError, match=r"^parts must be rows of correspondences"):
         reg.rows(None)
 
 

@@ -40,10 +40,10 @@ def rows_of(seed, fault, frames=60, outliers=0.03):
 
 
 def calibrated(rows, **options):
-    """The calibration; a scan so faulty that nothing agrees says nothing of the checks."""
+    """The calibration; a scan so faulty that it is refused says nothing of the checks."""
     try:
         return sc.calibrate(rows, **options)
-    except sc.NoConsensusError:
+    except (sc.NoConsensusError, sc.DegenerateGeometryError):
         reject()
 
 
@@ -76,8 +76,8 @@ def test_the_order_of_the_rows_changes_no_finding(seed, fault):
     assert ours == theirs
 
 
-# In a clock of longer units frames would lie further apart than lines are followed, and lags than are looked for.
-@given(seeds, faults, st.floats(0.01, 2.5), st.floats(-1e4, 1e4))
+# In a clock of much longer or shorter units lags would be longer than are looked for, or too short to matter.
+@given(seeds, faults, st.floats(0.25, 2.5), st.floats(-1e4, 1e4))
 def test_the_clocks_unit_and_start_change_no_more_than_its_words(seed, fault, unit, start):
     rows = rows_of(seed, fault)
     time = np.array([repr(float(text) * unit + start) for text in rows.extra["time_s"]])

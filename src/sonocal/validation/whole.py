@@ -160,6 +160,9 @@ def _said_by(
     evidence = evidence_of(calibration, observations if fitted is None else fitted)
     off = [*held_out_findings(calibration, unseen)]
     findings = [*off, *check_setup(evidence, **told, seed=calibration.options.seed)]
+    if fitted is None:
+        # How far rows are off that had no part in the fit is no measure of the noise that its threshold cuts.
+        findings = [one for one in findings if one.code != "threshold-below-noise"]
     if off and fitted is None and (own := sound_alone(calibration, observations)) is not None:
         # Rows that agree on a calibration of their own are in one frame with their images; what else residuals under
         # another depth's mm/px look like is that depth's doing.
