@@ -143,7 +143,10 @@ Pencil<10, kFreeMinors>::Moves free_minors() {
       if (a == 2 && b == 3) continue;
       const Form w = quaternion_entry(kFirst[a], kFirst[b]), x = quaternion_entry(kSecond[a], kSecond[b]),
                  y = quaternion_entry(kFirst[a], kSecond[b]), z = quaternion_entry(kSecond[a], kFirst[b]);
-      out[count++] = 0.25 * (w * x.transpose() + x * w.transpose() - y * z.transpose() - z * y.transpose());
+      for (int k = 0; k < 10; ++k)
+        for (int l = 0; l < 10; ++l)
+          out[count](l, k) = 0.25 * (w[l] * x[k] + x[l] * w[k] - y[l] * z[k] - z[l] * y[k]);
+      ++count;
     }
   return out;
 }

@@ -21,9 +21,12 @@ struct Pencil {
   Square start;
   const Moves& moves;
 
-  Square at(const Eigen::Matrix<double, kMoves, 1>& x) const {
+  // Plain loops: Eigen unrolls expressions of fixed sizes, which takes seconds to compile.
+  Square at(const Eigen::Matrix<double, kMoves, 1>& x, double lift = 0) const {
     Square sum = start;
-    for (int i = 0; i < kMoves; ++i) sum += x[i] * moves[i];
+    for (int i = 0; i < kMoves; ++i)
+      for (int k = 0; k < kSize * kSize; ++k) sum.data()[k] += x[i] * moves[i].data()[k];
+    for (int k = 0; k < kSize; ++k) sum(k, k) += lift;
     return sum;
   }
   double least(const Eigen::Matrix<double, kMoves, 1>& x) const {
@@ -33,14 +36,17 @@ struct Pencil {
   void add_barrier(const Eigen::Matrix<double, kMoves, 1>& x, double lift,
                    Eigen::Matrix<double, kMoves, 1>& gradient,
                    Eigen::Matrix<double, kMoves, kMoves>& hessian) const {
-    const Square lifted = at(x) + lift * Square::Identity();
-    const Square inverse = Ldlt<kSize>(lifted).solve(Square(Square::Identity()));
+    Square one = Square::Zero();
+    for (int k = 0; k < kSize; ++k) one(k, k) = 1;
+    const Square inverse = Ldlt<kSize>(at(x, lift)).solve(one);
     Moves turned;
     for (int i = 0; i < kMoves; ++i) {
       turned[i] = product(inverse, moves[i]);
-      gradient[i] -= turned[i].trace();
+      for (int k = 0; k < kSize; ++k) gradient[i] -= turned[i](k, k);
       for (int j = 0; j <= i; ++j) {
-        const double sum = turned[i].cwiseProduct(turned[j].transpose()).sum();
+        double sum = 0;
+        for (int c = 0; c < kSize; ++c)
+          for (int r = 0; r < kSize; ++r) sum += turned[i](r, c) * turned[j](c, r);
         hessian(i, j) += sum;
         if (j < i) hessian(j, i) += sum;
       }
