@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sonocal.calibration.area import corner_of
+from sonocal.calibration.forms import beyond_predicted, can_be_tested, moved_by
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -12,15 +13,11 @@ from sonocal.registration.bent_lines import Bend, bend_of
 from sonocal.registration.fit import Fit
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import Noise
-from sonocal.registration.robust import MINIMAL_ROWS
-from sonocal.registration.uncertainty import point_covariance, point_jacobian, radius_95
 
 __all__ = ["likeliest_of_needle"]
 
 # One test: two of a thousand sound scans are beyond, and few of these move the answer.
 SURE = 0.002
-# An answer that moves by less is no matter in practice, however little is predicted.
-LEAST_MM = 0.1
 # Of the places along the segments: between these the needle was seen.
 SEEN = (0.05, 0.95)
 
@@ -41,7 +38,7 @@ def likeliest_of_needle(
         How often chance does as much, and the finding.
     """
     area_px, area_name = area
-    if fit.inlier.sum() <= MINIMAL_ROWS or not np.all(np.isfinite(noise.covariance)):
+    if not can_be_tested(fit, noise):
         return None
     found = bend_of(
         mapped,
@@ -53,12 +50,10 @@ def likeliest_of_needle(
     if found is None or found.p_value > SURE:
         return None
     corners = area_places(area_px)[:-1]
-    moved = np.linalg.norm(point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved, axis=1)
-    bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
-    if not np.any(moved > np.maximum(bounds, LEAST_MM)):
+    moved = np.linalg.norm(moved_by(fit, found.moved, corners), axis=1)
+    if (beyond := beyond_predicted(moved, fit, noise, corners)) is None:
         return None
-    bend_mm = _bend_mm(found, mapped, fit)
-    return found.p_value, _finding(found, bend_mm, float(moved.max()), float(bounds.max()), area_name)
+    return found.p_value, _finding(found, _bend_mm(found, mapped, fit), *beyond, area_name)
 
 
 def _bend_mm(found: Bend, mapped: MappedRows, fit: Fit) -> float:

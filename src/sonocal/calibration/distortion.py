@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sonocal.calibration.area import corner_of
+from sonocal.calibration.forms import beyond_predicted, can_be_tested, moved_by
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -12,15 +13,12 @@ from sonocal.registration.fit import Fit
 from sonocal.registration.image_distortion import Distortion, likeliest_distortion
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import Noise
-from sonocal.registration.robust import MINIMAL_ROWS
-from sonocal.registration.uncertainty import NORMAL_95, point_covariance, point_jacobian, radius_95
+from sonocal.registration.uncertainty import NORMAL_95
 
 __all__ = ["distortions", "likeliest_of_image"]
 
 # Of five to nine forms, some of which go together, one is beyond this in some five of a thousand sound scans.
 SURE = 0.001
-# An answer that moves by less is no matter in practice, however little is predicted.
-LEAST_MM = 0.1
 # Radius of the face of curved probes: 40 to 60 mm for the abdomen. Others bend the rays alike, by another share.
 FACE_MM = 50.0
 
@@ -106,7 +104,7 @@ def likeliest_of_image(
         How often chance does as much, and the finding.
     """
     area_px, area_name = area
-    if fit.inlier.sum() <= MINIMAL_ROWS or not np.all(np.isfinite(noise.covariance)):
+    if not can_be_tested(fit, noise):
         return None
     found = likeliest_distortion(
         mapped,
@@ -120,15 +118,14 @@ def likeliest_of_image(
         return None
     corners = area_places(area_px)[:-1]
     moved = _moved_mm(found, fit, corners, area_px)
-    bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
-    if not np.any(moved > np.maximum(bounds, LEAST_MM)):
+    if (beyond := beyond_predicted(moved, fit, noise, corners)) is None:
         return None
-    return found.p_value, _finding(found, float(moved.max()), float(bounds.max()), area_name)
+    return found.p_value, _finding(found, *beyond, area_name)
 
 
 def _moved_mm(found: Distortion, fit: Fit, corners: Array, area_px: Array) -> Array:
     """(C,): how far the transform's answer moves at the corners, or with the form undone there, whichever is more."""
-    by_fit = point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved
+    by_fit = moved_by(fit, found.moved, corners)
     places = np.pad(corners, ((0, 0), (0, 3 - corners.shape[1])))
     form = distortions(places, area_px, float(fit.transform.scales.mean()))[found.form]
     undone = by_fit - found.size * form @ (fit.transform.rotation * fit.transform.scales).T

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sonocal.calibration.area import corner_of
+from sonocal.calibration.forms import beyond_predicted, can_be_tested, moved_by
 from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
@@ -12,15 +13,12 @@ from sonocal.registration.fit import Fit
 from sonocal.registration.image_distortion import Distortion, likeliest_distortion
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import Noise
-from sonocal.registration.robust import MINIMAL_ROWS
-from sonocal.registration.uncertainty import NORMAL_95, point_covariance, point_jacobian, radius_95
+from sonocal.registration.uncertainty import NORMAL_95
 
 __all__ = ["likeliest_of_slice"]
 
 # Of two forms that nearly agree: one is beyond this in one or two of a thousand sound scans.
 SURE = 0.001
-# An answer that moves by less is no matter in practice, however little is predicted.
-LEAST_MM = 0.1
 # Tangents of a needle's lean: one that lies nearly in the image is no point in it.
 MOST_LEAN = 3.0
 
@@ -62,8 +60,7 @@ def likeliest_of_slice(
         How often chance does as much, and the finding; None of a volume.
     """
     area_px, area_name = area
-    enough = fit.inlier.sum() > MINIMAL_ROWS and bool(np.all(np.isfinite(noise.covariance)))
-    if mapped.table.dimension == 3 or not enough:
+    if mapped.table.dimension == 3 or not can_be_tested(fit, noise):
         return None
     found = likeliest_distortion(
         mapped,
@@ -77,11 +74,10 @@ def likeliest_of_slice(
     if found is None or found.p_value > SURE or found.size < 0:
         return None
     corners = area_places(area_px)[:-1]
-    moved = np.linalg.norm(point_jacobian(fit.transform, corners, len(fit.covariance)) @ found.moved, axis=1)
-    bounds = radius_95(point_covariance(fit.transform, noise.covariance, corners), noise.freedom)
-    if not np.any(moved > np.maximum(bounds, LEAST_MM)):
+    moved = np.linalg.norm(moved_by(fit, found.moved, corners), axis=1)
+    if (beyond := beyond_predicted(moved, fit, noise, corners)) is None:
         return None
-    return found.p_value, _finding(found, float(moved.max()), float(bounds.max()), area_name)
+    return found.p_value, _finding(found, *beyond, area_name)
 
 
 def _finding(found: Distortion, moved_mm: float, bound_mm: float, area_name: str) -> Diagnostic:
