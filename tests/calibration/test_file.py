@@ -169,3 +169,13 @@ def test_auto_works_to_the_end_of_every_command(tmp_path):
     run("export", out / "calibration.json", "--to", "plus", "-o", out / "a.xml", "--force")
     rows, found = sc.read_observations(tmp_path / "a.csv"), sc.load(out / "calibration.json")
     assert validate(found, rows, resample=False).diagnostics == ()
+
+
+@pytest.mark.parametrize(
+    "kept", [{"options": "x"}, {"recorded": {"recording": 3}}, {"versions": []}, {"input": 3}]
+)
+def test_a_provenance_of_another_shape_is_a_damaged_file(kept):
+    record = json.loads(OLD.read_text())
+    record["provenance"] |= kept
+    with pytest.raises(sc.FormatError, match=rf"is a damaged calibration file .*{next(iter(kept))}"):
+        parse_calibration(json.dumps(record).encode(), "c.json")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import msgspec
 
@@ -12,7 +12,7 @@ from sonocal.registration.certificate import Certificate
 from sonocal.registration.noise import Drift
 from sonocal.registration.options import Model
 
-__all__ = ["CONVENTIONS", "FORMAT", "VERSION", "Record", "Sigma"]
+__all__ = ["CONVENTIONS", "FORMAT", "VERSION", "Kept", "Record", "Sigma"]
 
 FORMAT: Literal["sonocal-calibration"] = "sonocal-calibration"
 VERSION = 1
@@ -22,6 +22,21 @@ CONVENTIONS = (
     "The mm per px are inside the matrix. Covariance: of a rotation vector applied on the left (rad), a translation "
     "(mm) and the logarithm of the scale, or of both scales."
 )
+
+
+class Source(TypedDict, total=False):
+    """A file that something was made from."""
+
+    input: str | None
+    sha256: str | None
+
+
+class Kept(Source, total=False):
+    """What is read of a provenance, which may hold more."""
+
+    options: dict[str, Any]
+    recorded: dict[str, Source]
+    versions: dict[str, Any]
 
 
 class Sigma(msgspec.Struct):

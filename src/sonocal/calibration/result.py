@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.calibration.in_session import InSession
 from sonocal.calibration.options import Options
-from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Record, Sigma
+from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Kept, Record, Sigma
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError, require
 from sonocal.files import path_of, read_bytes, write_atomically
@@ -312,7 +312,7 @@ def _from_record(record: Record) -> Calibration:
     residuals, inlier = np.array(record.residuals_mm), np.array(record.inlier, dtype=bool)
     if residuals.shape != inlier.shape:
         raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")
-    options = _options(record.provenance.get("options", {}), residuals, inlier)
+    options = _options(msgspec.convert(record.provenance, Kept).get("options", {}), residuals, inlier)
     size = options.image_size_px if record.image_size_px is None else tuple(record.image_size_px)
     area = _corners("area_px", record.area_px, (2, 3) if size is None else (len(size),))
     return Calibration(

@@ -200,11 +200,14 @@ def console() -> Console:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr, so that stdout stays the result's."""
+    """A bar on stderr, so that stdout stays the result's; none, and no time for it, where nobody looks."""
     from rich.console import Console
     from rich.progress import Progress
 
     errors = Console(stderr=True)
-    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as bar:
+    if not errors.is_terminal:
+        yield lambda done, total: None
+        return
+    with Progress(console=errors, transient=True) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

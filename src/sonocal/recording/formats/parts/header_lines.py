@@ -20,12 +20,14 @@ class HeaderLines:
 
     Attributes:
         end: its last line, with the line's end.
+        word: stands in that line; looked for first, as that is fast.
         longest: bytes of a line; longer ones are pixels taken for text.
         kind: such as "a MetaIO header".
         closing: how it ends, in words: "ends with ElementDataFile".
     """
 
     end: re.Pattern[bytes]
+    word: bytes
     longest: int
     kind: str
     closing: str
@@ -48,7 +50,7 @@ class HeaderLines:
             chunk = file.read(CHUNK)
             block = rest + chunk
             whole = block.rfind(b"\n") + 1 if len(chunk) == CHUNK else len(block)
-            end = self.end.search(block, 0, whole)
+            end = self.end.search(block, 0, whole) if self.word in block else None
             whole = end.end() if end else whole
             if len(block) - whole >= self.longest and not end:
                 raise self._no_text(name, number + block.count(b"\n", 0, whole))

@@ -46,7 +46,9 @@ KEY = re.compile(r"[A-Za-z_][\w .\-]*")
 # Of the header itself: not of an item, and no blank at its end, which readers drop.
 FIELD = re.compile(r"(?!Seq_Frame)[A-Za-z_]([\w .\-]*[\w.\-])?")
 END = re.compile(rb"^[^\S\n]*ElementDataFile[^\S\n]*=[^\n]*\n?", re.MULTILINE)
-LINES = HeaderLines(END, longest=1 << 20, kind="a MetaIO header", closing="ends with ElementDataFile")
+LINES = HeaderLines(
+    END, b"ElementDataFile", longest=1 << 20, kind="a MetaIO header", closing="ends with ElementDataFile"
+)
 
 
 @dataclass

@@ -43,6 +43,7 @@ PAIR = re.compile(r"(?!Seq_Frame|#)[^:\s]([^:\r\n\0]*[^:\s])?")
 # Slicer keeps the index values of a whole sequence in one line.
 LINES = HeaderLines(
     re.compile(rb"^\r?\n", re.MULTILINE),
+    word=b"\n",
     longest=1 << 24,
     kind="an NRRD header",
     closing="ends with an empty line",

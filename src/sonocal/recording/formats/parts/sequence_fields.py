@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,24 +63,30 @@ class ItemFields:
         Raises:
             FormatError: as `add`.
         """
-        columns = self.columns
+        columns, usual = self.columns, _usual_line(separator)
         for line, text in lines:
+            if match := usual(text):
+                number, item_field, value = match.groups()
+                column = columns.get(item_field)
+                if column is not None and (index := int(number)) not in column:
+                    column[index] = value.strip()
+                    continue
             key, equals, value = text.partition(separator)
-            if text[:9] != PREFIX or not equals or separator[0] in key:
-                yield line, text
-                continue
-            number, _, item_field = key[9:].partition("_")
-            column = columns.get(item_field.rstrip())
-            sound = column is not None and number.isdecimal() and len(number) <= NUMBER_DIGITS
-            if sound and (index := int(number)) not in column:  # type: ignore[operator]
-                column[index] = value.strip()  # type: ignore[index]
-            else:
+            if text.startswith(PREFIX) and equals and separator[0] not in key:
                 self.add(key.rstrip(), value.strip())
+            else:
+                yield line, text
 
     @property
     def count(self) -> int:
         """One more than the largest item number."""
         return 1 + max((max(column) for column in self.columns.values()), default=-1)
+
+
+def _usual_line(separator: str) -> Callable[[str], re.Match[str] | None]:
+    """Takes a line as nearly all are apart, in one step: the number, the field's name without blanks, the value."""
+    name = rf"[^\s{separator[0]}]+"
+    return re.compile(rf"{PREFIX}(\d{{1,{NUMBER_DIGITS}}})_({name})\s*{separator}(.*)", re.DOTALL).fullmatch
 
 
 @dataclass(frozen=True, eq=False)
