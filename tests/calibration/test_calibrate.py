@@ -241,7 +241,7 @@ def test_the_file_has_the_documented_fields(rows, model):
     assert list(fields) == [
         "format", "version", "created", "conventions", "probe_from_image", "model", "scale_mm_per_px", "rotation_wxyz",
         "translation_mm", "covariance", "sigma", "area_px", "image_size_px",
-        "seen_px", "fit", "test", "residuals_mm", "inlier", "latency_s",
+        "seen_px", "fit", "test", "residuals_mm", "inlier", "latency_s", "sound",
         "certificate", "diagnostics", "provenance",
     ]  # fmt: skip
     assert fields["format"] == "sonocal-calibration"

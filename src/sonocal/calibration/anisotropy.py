@@ -103,8 +103,8 @@ def diagnose_anisotropy(
             "where the fitted model has one scale" + _speed_of_sound(-ratio)
         ),
         advice=(
-            "for a linear probe or a resampled image, calibrate with the anisotropic model; "
-            "else check the pixels' aspect ratio and the speed of sound"
+            "for a linear probe or a resampled image, calibrate with the anisotropic model; for a curved probe, with "
+            "its radius and the speed of sound (--probe-radius-mm, --sound-speed); else check the pixels' aspect ratio"
         ),
     )
 
@@ -133,7 +133,8 @@ def diagnose_voxels(found: AxisScales) -> Iterator[Diagnostic]:
         ),
         advice=(
             "resample the volume to voxels that are as long along every axis, or check the spacing that its file "
-            "states and the speed of sound, then calibrate again"
+            "states, then calibrate again; for a curved probe with its radius and the speed of sound "
+            "(--probe-radius-mm, --sound-speed)"
         ),
     )
 

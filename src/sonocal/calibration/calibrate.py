@@ -19,10 +19,9 @@ from sonocal.calibration.repeated import fit_distinct
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import require
+from sonocal.calibration.through_sound import calibrate_through_sound
 from sonocal.findings import Findings
 from sonocal.observations import Observations
-from sonocal.observations.outside import outside_findings
 from sonocal.registration.ambiguity import beside_rival
 from sonocal.registration.certificate import LazyCertificate, certificate_of
 from sonocal.registration.degeneracy import refuse_apparent
@@ -68,6 +67,13 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
             expected_rotation (None): (3, 3), roughly, the directions of u, v and normal in the marker's frame,
             as columns.
 
+            What is known of the sound, where the scanner assumes another speed than there was:
+            probe_radius_mm (None): radius of a curved probe's face.
+            sound_speed (None): in what was scanned, m/s; "estimate": found beside the calibration, from 1400 to 1650.
+            Of a curved probe only, by its radius. The answer is then for images in which sound runs as assumed.
+            assumed_sound_speed (1540.0): by the scanner, m/s.
+            probe_face_px (None): the middle of the transducer's face in the image. Default: of the image's top row.
+
     Returns:
         The calibration.
 
@@ -80,7 +86,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     Source: paper sections 5 to 9.
     """
     asked = Options.of(**options)
-    require("observations", observations, Observations)
+    if asked.sound_speed is not None:
+        return calibrate_through_sound(observations, asked, calibrate)
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
 
     # The transform that most rows agree with, refined on those that do.
@@ -116,8 +123,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         partial(few_targets_finding, few),
         partial(fit_findings, found, mapped, fit, rival, groupings),
         partial(left_out_findings, table, fit, used, found.accepted),
-        partial(outside_findings, rows.points_px[fit.inlier], size),
-        partial(area_findings, found),
+        partial(area_findings, found, rows.points_px[fit.inlier]),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
     )

@@ -9,6 +9,7 @@ from typing import Any, Literal, Self, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sonocal.calibration.sound_options import ASSUMED_M_S, checked_sound
 from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST
 from sonocal.geometry.shown import brief
@@ -37,6 +38,10 @@ class Keywords(TypedDict, total=False):
     scanner_mm_per_px: float | tuple[float, float] | None
     marker_above_image: bool
     expected_rotation: ArrayLike | None
+    probe_radius_mm: float | None
+    sound_speed: float | Literal["estimate"] | None
+    assumed_sound_speed: float
+    probe_face_px: tuple[float, ...] | None
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,10 @@ class Options(RegistrationOptions):
     scanner_mm_per_px: float | tuple[float, float] | None = None
     marker_above_image: bool = False
     expected_rotation: tuple[tuple[float, ...], ...] | None = None
+    probe_radius_mm: float | None = None
+    sound_speed: float | Literal["estimate"] | None = None
+    assumed_sound_speed: float = ASSUMED_M_S
+    probe_face_px: tuple[float, ...] | None = None
 
     __repr__ = brief
 
@@ -75,6 +84,13 @@ class Options(RegistrationOptions):
         self._keep("marker_above_image", true_or_false("marker_above_image", self.marker_above_image))
         if self.expected_rotation is not None:
             self._keep("expected_rotation", _rotation(self.expected_rotation))
+        of_sound = (self.probe_radius_mm, self.sound_speed, self.assumed_sound_speed, self.probe_face_px)
+        for name, value in checked_sound(self.model, *of_sound).items():
+            self._keep(name, value)
+
+    def without_sound(self) -> Self:
+        """The same for rows whose places are as at the speed of sound that the scanner assumes."""
+        return replace(self, probe_radius_mm=None, sound_speed=None, probe_face_px=None)
 
     def resolved(self, threshold_mm: float) -> Self:
         """The same with the threshold in mm that "auto" came to."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.errors import InputError, UnsupportedError
+from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.observations.image_size import size_in_words
@@ -28,7 +28,12 @@ __all__ = [
 def split_rows(
     observations: Observations, fit_split: str | None, test_split: str | None
 ) -> tuple[Observations, Observations | None]:
-    """The rows to fit and those held out, by their split."""
+    """The rows to fit and those held out, by their split.
+
+    Raises:
+        InputError: there is no table, or a split is none of its.
+    """
+    require("observations", observations, Observations)
     held_out = None if test_split is None else observations.select_split(test_split)
     if fit_split is not None:
         return observations.select_split(fit_split), held_out

@@ -19,7 +19,7 @@ from typing import Unpack
 
 import numpy as np
 
-from sonocal.calibration import Calibration, calibrate
+from sonocal.calibration import Calibration, calibrate, seen_at_assumed_speed
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError, require
@@ -160,7 +160,8 @@ class Sweep:
                 table, self.options, total, look, most_mm=most_mm, across=across, start=start
             )
         judged = suspects.judging(found.calibration, found.used, found.sightings)
-        wider = with_pose_errors(judged, found.observations, self.recording, self.options.posing)
+        rows = seen_at_assumed_speed(judged.sound, found.observations)
+        wider = with_pose_errors(judged, rows, self.recording, self.options.posing)
         recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
 
@@ -220,7 +221,8 @@ def calibrate_points(
     found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
         sightings.diagnostics
     )
-    found = with_pose_errors(found, sightings.observations, recording, asked.posing)
+    rows = seen_at_assumed_speed(found.sound, sightings.observations)
+    found = with_pose_errors(found, rows, recording, asked.posing)
     return _as_recorded(found, recording, lines, asked.probe), sightings.observations
 
 

@@ -1,0 +1,187 @@
+"""Sound of another speed than the scanner assumes, seen by a curved probe: how far off answers are with and without it.
+
+python -m benchmarks.sound [--seeds N] [--first-seed N] [--kinds REGEX] [--ratios R,R,...] [--write docs/trust.md]
+
+Each scan is fitted as it is, with the speed given, and with the speed estimated; the measure is the same scan, with the
+same noise, of a bath in which sound runs as assumed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import sonocal as sc
+from benchmarks.simulators.fans import RADIUS_MM, as_shown, fan_scan
+from benchmarks.simulators.trust_judge import image_size, table
+from benchmarks.simulators.trust_scans import Array, Scan, mapped
+from sonocal.calibration import Calibration
+
+ASSUMED = 1540.0
+KINDS = {
+    "2D, 100 stills": {"frames": 100, "dimension": 2, "still": True},
+    "2D, sweep of 100": {"frames": 100, "dimension": 2, "still": False},
+    "2D, 300 stills": {"frames": 300, "dimension": 2, "still": True},
+    "3D, 60 stills": {"frames": 60, "dimension": 3, "still": True},
+}
+RATIOS = (0.96, 1.0, 1.04)
+PLACES = 9
+# What names the speed of sound where nobody asked.
+NAMES = {"anisotropic-scale", "image-distortion"}
+# A predicted error above what is accepted is no accusation; chance calls one speed of a hundred another.
+FAIR, TOLD = {"weak-motion"}, 0.01
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One scan.
+
+    Attributes:
+        tissue_mm, bath_mm: by method, rms over the image: of images at the assumed speed, and as scanned.
+        corners_mm: by method, the greatest at a corner of images at the assumed speed.
+        covered: by method, the share of corners within their predicted error (95 %).
+        speed: of the estimate, its error over the half width of its interval.
+        half_m_s: that half width.
+        named, accused, told: without the option; with the estimate; and whether that is told from the assumed speed.
+    """
+
+    tissue_mm: dict[str, float]
+    bath_mm: dict[str, float]
+    corners_mm: dict[str, float]
+    covered: dict[str, float]
+    speed: float
+    half_m_s: float
+    named: bool
+    accused: bool
+    told: bool
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--kinds", default="", metavar="REGEX")
+    parser.add_argument("--ratios", default=",".join(map(str, RATIOS)), metavar="R,R,...")
+    asked = parser.parse_args(arguments)
+    seeds = range(asked.first_seed, asked.first_seed + asked.seeds)
+    print(
+        "| scans | speed | | tissue mm | x right speed | bath mm | x right speed | worst corner, mm | covered |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    words = []
+    for kind in (name for name in KINDS if re.search(asked.kinds, name)):
+        for ratio in (float(one) for one in asked.ratios.split(",")):
+            found = [judged(seed, kind, ratio) for seed in seeds]
+            print("\n".join(rows_of(kind, ratio, found)), flush=True)
+            words.append(summary(kind, ratio, found))
+    print("\n| scans | speed | named without | told with | accused with | interval holds | +- m/s |")
+    print("|---|---|---|---|---|---|---|")
+    print("\n".join(words))
+
+
+def judged(seed: int, kind: str, ratio: float) -> Judged:
+    """What is said of a scan with and without the speed, beside the truth."""
+    scan = fan_scan(seed, ratio=ratio, **KINDS[kind])  # type: ignore[arg-type]
+    right = fan_scan(seed, ratio=1.0, **KINDS[kind])  # type: ignore[arg-type]
+    told = {"probe_radius_mm": RADIUS_MM}
+    found = {
+        "right": calibrated(right),
+        "ignored": calibrated(scan),
+        "given": calibrated(scan, **told, sound_speed=ratio * ASSUMED),
+        "estimated": calibrated(scan, **told, sound_speed="estimate"),
+    }
+    sound = found["estimated"].sound
+    assert sound is not None
+    half = (sound.by_rows_m_s[1] - sound.by_rows_m_s[0]) / 2
+    warned = {one.code for one in found["estimated"].warnings}
+    return Judged(
+        tissue_mm={name: rms(tissue_errors(one, scan)) for name, one in found.items()},
+        bath_mm={
+            name: rms(bath_errors(one, scan, 1.0 if name == "right" else ratio))
+            for name, one in found.items()
+        },
+        corners_mm={name: float(corner_errors(one, scan).max()) for name, one in found.items()},
+        covered={name: covered(one, scan) for name, one in found.items()},
+        speed=(sound.speed_m_s - ratio * ASSUMED) / half,
+        half_m_s=half,
+        named=bool(NAMES & {one.code for one in found["ignored"].warnings}),
+        accused=bool(warned - FAIR) or (ratio == 1.0 and sound.p_value < TOLD),
+        told=sound.p_value < TOLD,
+    )
+
+
+def calibrated(scan: Scan, **options: Any) -> Calibration:
+    """The program under test."""
+    return sc.calibrate(table(scan), image_size_px=image_size(scan), **options)
+
+
+def places(scan: Scan) -> Array:
+    """(M, D): all over the image."""
+    side = np.linspace(scan.corners_px.min(), scan.corners_px.max(), PLACES)
+    return np.stack(np.meshgrid(*[side] * scan.dimension), axis=-1).reshape(-1, scan.dimension)
+
+
+def tissue_errors(found: Calibration, scan: Scan) -> Array:
+    """(M,), mm: of images in which sound runs as assumed."""
+    return np.linalg.norm(found.probe_from_image @ places(scan) - mapped(scan.truth, places(scan)), axis=1)
+
+
+def bath_errors(found: Calibration, scan: Scan, ratio: float) -> Array:
+    """(M,), mm: of images as scanned, with what the calibration knows of their shape."""
+    seen = as_shown(places(scan), scan.truth, ratio)
+    if found.sound is not None:
+        seen = found.sound.at_assumed_speed(seen)
+    return np.linalg.norm(found.probe_from_image @ seen - mapped(scan.truth, places(scan)), axis=1)
+
+
+def corner_errors(found: Calibration, scan: Scan) -> Array:
+    """(C,), mm: of images in which sound runs as assumed, at `predicted_errors`' corners."""
+    corners = found.predicted_errors()[0][:-1]
+    return np.linalg.norm(found.probe_from_image @ corners - mapped(scan.truth, corners), axis=1)
+
+
+def covered(found: Calibration, scan: Scan) -> float:
+    """The share of corners whose error is within the one predicted (95 %)."""
+    return float(np.mean(corner_errors(found, scan) <= found.predicted_errors()[2][:-1]))
+
+
+def rms(errors: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def rows_of(kind: str, ratio: float, found: list[Judged]) -> Iterator[str]:
+    """A row a method: errors over all scans, and how many times those at the right speed."""
+    for method in ("right", "ignored", "given", "estimated"):
+        cells = []
+        for errors in ([one.tissue_mm for one in found], [one.bath_mm for one in found]):
+            own, right = (rms(np.array([one[name] for one in errors])) for name in (method, "right"))
+            cells += [f"{own:.2f}", f"{own / right:.2f}"]
+        corners = np.array([one.corners_mm[method] for one in found])
+        inside = 100 * np.mean([one.covered[method] for one in found])
+        cells += [f"{np.median(corners):.2f} / {corners.max():.2f}", f"{inside:.0f} %"]
+        print_ratio = f"{ASSUMED * ratio:.0f} m/s"
+        yield f"| {kind} | {print_ratio} | {method} | " + " | ".join(cells) + " |"
+
+
+def summary(kind: str, ratio: float, found: list[Judged]) -> str:
+    """A row: how often it is named, told, accused; whether intervals hold."""
+    count = len(found)
+    named, told, accused = (
+        f"{sum(getattr(one, name) for one in found)} of {count}" for name in ("named", "told", "accused")
+    )
+    holds = 100 * np.mean([abs(one.speed) <= 1.0 for one in found])
+    half = np.median([one.half_m_s for one in found])
+    return (
+        f"| {kind} | {ASSUMED * ratio:.0f} m/s | {named} | {told} | {accused} | {holds:.1f} % | {half:.0f} |"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""How fast sound ran in what was scanned: one more unknown beside the transform, along the rays of a curved probe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.calibration.groupings import groupings_of
+from sonocal.calibration.options import Options
+from sonocal.calibration.repeated import fit_distinct
+from sonocal.calibration.rows import point_line_rows
+from sonocal.errors import InputError
+from sonocal.geometry import AxisScaled, homogeneous_points
+from sonocal.geometry.fan import Fan
+from sonocal.observations import Observations
+from sonocal.registration.fit import Fit
+from sonocal.registration.image_distortion import Distortion, likeliest_distortion
+from sonocal.registration.mapped import MappedRows
+from sonocal.registration.refine import refine_point_lines
+
+__all__ = ["SPEEDS_M_S", "Rays", "Speed", "speed_of"]
+
+# Of baths and soft tissue: an estimate stays within.
+SPEEDS_M_S = (1400.0, 1650.0)
+# Fits of all rows until those that agree stay the same, and steps of one such fit until it rests.
+ROUNDS, STEPS = 4, 40
+REST = 1e-11
+
+
+@dataclass(frozen=True)
+class Rays:
+    """What is known of a curved probe before anything is fitted.
+
+    Attributes:
+        face_px: (d,), the middle of the transducer's face in the image.
+        radius_mm: of the face.
+        ratio: of the true to the assumed speed; None: to be estimated, within `bounds`.
+        bounds: of the ratio.
+    """
+
+    face_px: tuple[float, ...]
+    radius_mm: float
+    ratio: float | None
+    bounds: tuple[float, float]
+
+    def fan(self, transform: AxisScaled) -> Fan:
+        """The rays in an image at the transform's mm/px."""
+        return Fan(self.face_px, self.radius_mm / float(transform.scales[0]))
+
+    def stepped(self, ratio: float, size: float) -> float:
+        """The ratio without that much of a stretch too many."""
+        return float(np.clip(ratio - size, *self.bounds)) if self.ratio is None else ratio
+
+
+@dataclass(frozen=True, eq=False)
+class Speed:
+    """The speed of sound as a ratio to the assumed one, and what rows say of it.
+
+    Attributes:
+        ratio: of the true to the assumed speed, given or estimated.
+        fan: the rays in the image.
+        left: what the rows say of a further stretch along the rays: of an estimate its size is nothing.
+        ignored: the transform of the rows as they are.
+    """
+
+    ratio: float
+    fan: Fan
+    left: Distortion
+    ignored: AxisScaled
+
+    def corrected(self, rows: Observations) -> Observations:
+        """The rows with their places where they would lie at the assumed speed."""
+        return rows.with_sound(points_px=self.fan.stretched(rows.points_px, self.ratio))
+
+
+def speed_of(rows: Observations, plain: Options, rays: Rays) -> Speed:
+    """The speed of sound, where it is to be estimated, and the rays' place in the image.
+
+        r = J d + A f(x) k + e        f: from the face to x along its ray, k: the ratio's change
+
+    The radius in px follows the fit's scale, which is mm/px at the assumed speed. Gauss-Newton with the likelihood's
+    weights, the transform at its best for every ratio; which rows agree is found anew once their places are right.
+
+    Args:
+        rows: those to fit, as scanned.
+        plain: how to fit rows whose places are right.
+        rays: of the probe.
+
+    Raises:
+        SonocalError: as `fit_rows`.
+        InputError: no row is left to tell a speed from.
+    """
+    kept, (_, fit, _), _ = fit_distinct(rows, plain)
+    ignored, ratio = fit.transform, rays.ratio or 1.0
+    for _ in range(ROUNDS):
+        ratio, fan, left = _settled(kept, fit, rays, ratio)
+        found, fitted = Speed(ratio, fan, left, ignored), fit.inlier
+        _, (_, fit, _), repeated = fit_distinct(found.corrected(rows), plain)
+        kept = rows if repeated is None else rows.select(repeated.kept)
+        if np.array_equal(fit.inlier, fitted):
+            break
+    return found
+
+
+def _settled(rows: Observations, fit: Fit, rays: Rays, ratio: float) -> tuple[float, Fan, Distortion]:
+    """The ratio at which the rows that agree ask for no further stretch, or as it is given."""
+    transform, least = fit.transform, _Stretched(rows, fit)
+    for _ in range(STEPS):
+        fan = rays.fan(transform)
+        transform, left = least.at(fan, ratio, transform)
+        before = np.array([ratio, fan.radius_px])
+        ratio = rays.stepped(ratio, left.size)
+        if np.all(np.abs(before - [ratio, rays.fan(transform).radius_px]) < REST * before):
+            break
+    return ratio, fan, left
+
+
+class _Stretched:
+    """Rows that agree, with their places stretched along the rays.
+
+    Args:
+        rows: as scanned.
+        fit: says which agree, and how large their noise is.
+    """
+
+    def __init__(self, rows: Observations, fit: Fit) -> None:
+        self.points_px, self.table, self.fit = rows.points_px, point_line_rows(rows), fit
+        self.groups: list[NDArray[np.int64]] = list(groupings_of(self.table, rows).labels.values())
+
+    def at(self, fan: Fan, ratio: float, start: AxisScaled) -> tuple[AxisScaled, Distortion]:
+        """The transform at a ratio, and what the rows say of a further stretch."""
+        table = replace(self.table, points=homogeneous_points(fan.stretched(self.points_px, ratio)))
+        fit = self.fit
+        transform = refine_point_lines(start, table, fit.inlier, fit.levelled).transform
+        left = likeliest_distortion(
+            MappedRows(transform, table),
+            fit.inlier,
+            {"rays": homogeneous_points(fan.below_face(self.points_px))},
+            levels=(fit.sigma_px, fit.sigma_mm),
+            parameters=len(fit.covariance),
+            groups=self.groups,
+        )
+        if left is None:
+            raise InputError(
+                "no row is left over to tell the speed of sound from; scan more needle poses, or give the speed"
+            )
+        return transform, left
