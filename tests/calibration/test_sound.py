@@ -17,8 +17,8 @@ from sonocal.geometry import Similarity
 from sonocal.validation import validate
 
 SLOW = 0.96
-GIVEN = {"probe_radius_mm": RADIUS_MM, "sound_speed": SLOW * ASSUMED_M_S}
-ESTIMATED = {"probe_radius_mm": RADIUS_MM, "sound_speed": "estimate"}
+GIVEN = {"probe_radius_mm": RADIUS_MM, "sound_speed_m_s": SLOW * ASSUMED_M_S}
+ESTIMATED = {"probe_radius_mm": RADIUS_MM, "sound_speed_m_s": "estimate"}
 
 
 def scan_of(ratio=SLOW, seed=3, dimension=2):
@@ -74,14 +74,16 @@ def test_an_estimate_is_less_sure_than_a_speed_that_is_known(given, estimated):
 
 def test_the_speed_that_is_assumed_changes_nothing_to_the_last_digit(slow):
     plain = found_in(slow)
-    same = found_in(slow, probe_radius_mm=RADIUS_MM, sound_speed=ASSUMED_M_S)
+    same = found_in(slow, probe_radius_mm=RADIUS_MM, sound_speed_m_s=ASSUMED_M_S)
     assert np.array_equal(same.probe_from_image.matrix, plain.probe_from_image.matrix)
     assert np.array_equal(same.covariance, plain.covariance)
     assert np.array_equal(same.residuals_mm, plain.residuals_mm)
 
 
 def test_only_the_ratio_of_the_speeds_counts(slow, given):
-    other = found_in(slow, probe_radius_mm=RADIUS_MM, sound_speed=SLOW * 1450.0, assumed_sound_speed=1450.0)
+    other = found_in(
+        slow, probe_radius_mm=RADIUS_MM, sound_speed_m_s=SLOW * 1450.0, assumed_sound_speed_m_s=1450.0
+    )
     assert np.allclose(other.probe_from_image.matrix, given.probe_from_image.matrix, rtol=0, atol=1e-9)
 
 
@@ -151,7 +153,7 @@ def test_a_face_that_was_given_is_no_default(slow):
 
 
 def test_a_speed_that_the_rows_contradict_is_doubted(slow):
-    found = found_in(slow, probe_radius_mm=RADIUS_MM, sound_speed=1580.0)
+    found = found_in(slow, probe_radius_mm=RADIUS_MM, sound_speed_m_s=1580.0)
     assert "sound-speed-doubtful" in {one.code for one in found.warnings}
 
 
@@ -221,15 +223,15 @@ def test_a_report_is_made(given, slow):
     ("options", "words"),
     [
         (
-            {"sound_speed": 1480},
+            {"sound_speed_m_s": 1480},
             "of a linear probe a wrong speed is another scale along v, which the anisotropic model",
         ),
-        ({"probe_radius_mm": 60}, "probe_radius_mm says nothing without sound_speed"),
-        ({"probe_face_px": (1, 2)}, "probe_face_px says nothing without sound_speed"),
+        ({"probe_radius_mm": 60}, "probe_radius_mm says nothing without sound_speed_m_s"),
+        ({"probe_face_px": (1, 2)}, "probe_face_px says nothing without sound_speed_m_s"),
         ({**GIVEN, "model": "anisotropic"}, "leave out one of them"),
-        ({**GIVEN, "sound_speed": "guess"}, 'a speed in m/s or "estimate"'),
-        ({**GIVEN, "sound_speed": 1.48}, "from 1000 to 2500 m/s; got 1.48"),
-        ({**GIVEN, "assumed_sound_speed": 0}, "assumed_sound_speed must be"),
+        ({**GIVEN, "sound_speed_m_s": "guess"}, 'a speed in m/s or "estimate"'),
+        ({**GIVEN, "sound_speed_m_s": 1.48}, "from 1000 to 2500 m/s; got 1.48"),
+        ({**GIVEN, "assumed_sound_speed_m_s": 0}, "assumed_sound_speed_m_s must be"),
         ({**GIVEN, "probe_radius_mm": 0.06}, "from 1 to 1000 mm; got 0.06"),
         ({**GIVEN, "probe_face_px": (1, 2, 3)}, "must be 2 numbers for a 2D probe"),
         ({**GIVEN, "probe_face_px": ("a", 2)}, "a place in the image; got"),

@@ -69,9 +69,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
             What is known of the sound, where the scanner assumes another speed than there was:
             probe_radius_mm (None): radius of a curved probe's face.
-            sound_speed (None): in what was scanned, m/s; "estimate": found beside the calibration, from 1400 to 1650.
+            sound_speed_m_s (None): in what was scanned; "estimate": found beside the calibration, from 1400 to 1650.
             Of a curved probe only, by its radius. The answer is then for images in which sound runs as assumed.
-            assumed_sound_speed (1540.0): by the scanner, m/s.
+            assumed_sound_speed_m_s (1540.0): by the scanner.
             probe_face_px (None): the middle of the transducer's face in the image. Default: of the image's top row.
 
     Returns:
@@ -86,7 +86,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     Source: paper sections 5 to 9.
     """
     asked = Options.of(**options)
-    if asked.sound_speed is not None:
+    if asked.sound_speed_m_s is not None:
         return calibrate_through_sound(observations, asked, calibrate)
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, Self, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sonocal.calibration.sound_options import ASSUMED_M_S, checked_sound
+from sonocal.calibration.sound_options import ASSUMED_M_S, OF_SOUND, checked_sound
 from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST
 from sonocal.geometry.shown import brief
@@ -39,8 +39,8 @@ class Keywords(TypedDict, total=False):
     marker_above_image: bool
     expected_rotation: ArrayLike | None
     probe_radius_mm: float | None
-    sound_speed: float | Literal["estimate"] | None
-    assumed_sound_speed: float
+    sound_speed_m_s: float | Literal["estimate"] | None
+    assumed_sound_speed_m_s: float
     probe_face_px: tuple[float, ...] | None
 
 
@@ -60,8 +60,8 @@ class Options(RegistrationOptions):
     marker_above_image: bool = False
     expected_rotation: tuple[tuple[float, ...], ...] | None = None
     probe_radius_mm: float | None = None
-    sound_speed: float | Literal["estimate"] | None = None
-    assumed_sound_speed: float = ASSUMED_M_S
+    sound_speed_m_s: float | Literal["estimate"] | None = None
+    assumed_sound_speed_m_s: float = ASSUMED_M_S
     probe_face_px: tuple[float, ...] | None = None
 
     __repr__ = brief
@@ -84,13 +84,13 @@ class Options(RegistrationOptions):
         self._keep("marker_above_image", true_or_false("marker_above_image", self.marker_above_image))
         if self.expected_rotation is not None:
             self._keep("expected_rotation", _rotation(self.expected_rotation))
-        of_sound = (self.probe_radius_mm, self.sound_speed, self.assumed_sound_speed, self.probe_face_px)
+        of_sound = [getattr(self, name) for name in OF_SOUND]
         for name, value in checked_sound(self.model, *of_sound).items():
             self._keep(name, value)
 
     def without_sound(self) -> Self:
         """The same for rows whose places are as at the speed of sound that the scanner assumes."""
-        return replace(self, probe_radius_mm=None, sound_speed=None, probe_face_px=None)
+        return replace(self, probe_radius_mm=None, sound_speed_m_s=None, probe_face_px=None)
 
     def resolved(self, threshold_mm: float) -> Self:
         """The same with the threshold in mm that "auto" came to."""

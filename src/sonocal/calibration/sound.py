@@ -9,6 +9,7 @@ import numpy as np
 from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST, Array
 from sonocal.geometry.fan import Fan
+from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 
 __all__ = ["Sound", "seen_at_assumed_speed"]
@@ -47,6 +48,8 @@ class Sound:
     as_scanned_off_mm: float
     ignored_mm: float
     ignored_at_px: tuple[float, ...]
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         matrix, numbers = np.array(self.as_scanned), (*self.face_px, *self.ignored_at_px)

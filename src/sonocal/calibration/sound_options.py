@@ -10,8 +10,10 @@ from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST
 from sonocal.registration.options import Model, positive_number
 
-__all__ = ["ASSUMED_M_S", "checked_sound"]
+__all__ = ["ASSUMED_M_S", "OF_SOUND", "checked_sound"]
 
+# The options, in the order of `checked_sound`.
+OF_SOUND = ("probe_radius_mm", "sound_speed_m_s", "assumed_sound_speed_m_s", "probe_face_px")
 # What scanners assume; soft tissue is within a few per cent of it.
 ASSUMED_M_S = 1540.0
 # Of liquids and soft tissue; cm/s, km/s and mm/us are outside.
@@ -23,8 +25,8 @@ RADII_MM = (1.0, 1000.0)
 def checked_sound(
     model: Model,
     probe_radius_mm: Any,
-    sound_speed: Any,
-    assumed_sound_speed: Any,
+    sound_speed_m_s: Any,
+    assumed_sound_speed_m_s: Any,
     probe_face_px: Any,
 ) -> dict[str, Any]:
     """The options of sound, as numbers.
@@ -32,29 +34,30 @@ def checked_sound(
     Raises:
         InputError: one of them means nothing, or nothing without another.
     """
-    assumed = _within("assumed_sound_speed", assumed_sound_speed, SPEEDS_M_S, "m/s")
-    speed: float | Literal["estimate"] | None = sound_speed
-    if isinstance(sound_speed, str) and sound_speed != "estimate":
-        raise InputError(f'sound_speed must be a speed in m/s or "estimate"; got {sound_speed[:60]!r}')
-    if sound_speed is not None and not isinstance(sound_speed, str):
-        speed = _within("sound_speed", sound_speed, SPEEDS_M_S, "m/s")
+    assumed = _within("assumed_sound_speed_m_s", assumed_sound_speed_m_s, SPEEDS_M_S, "m/s")
+    speed: float | Literal["estimate"] | None = sound_speed_m_s
+    if isinstance(sound_speed_m_s, str) and sound_speed_m_s != "estimate":
+        raise InputError(
+            f'sound_speed_m_s must be a speed in m/s or "estimate"; got {sound_speed_m_s[:60]!r}'
+        )
+    if sound_speed_m_s is not None and not isinstance(sound_speed_m_s, str):
+        speed = _within("sound_speed_m_s", sound_speed_m_s, SPEEDS_M_S, "m/s")
     radius = None if probe_radius_mm is None else _within("probe_radius_mm", probe_radius_mm, RADII_MM, "mm")
     _refuse_halves(model, radius, speed, probe_face_px)
     face = None if probe_face_px is None else _face(probe_face_px)
-    names = ("probe_radius_mm", "sound_speed", "assumed_sound_speed", "probe_face_px")
-    return dict(zip(names, (radius, speed, assumed, face), strict=True))
+    return dict(zip(OF_SOUND, (radius, speed, assumed, face), strict=True))
 
 
 def _refuse_halves(model: Model, radius: float | None, speed: object, face: object) -> None:
     if speed is not None and radius is None:
         raise InputError(
-            "sound_speed is for curved probes, and probe_radius_mm, the radius of the transducer's face, must be "
+            "sound_speed_m_s is for curved probes, and probe_radius_mm, the radius of the transducer's face, must be "
             "given with it; of a linear probe a wrong speed is another scale along v, which the anisotropic model finds"
         )
     if speed is None and (radius is not None or face is not None):
         name = "probe_face_px" if radius is None else "probe_radius_mm"
         raise InputError(
-            f'{name} says nothing without sound_speed: give the speed in what was scanned, m/s, or "estimate"'
+            f'{name} says nothing without sound_speed_m_s: give the speed in what was scanned, m/s, or "estimate"'
         )
     if speed is not None and model == "anisotropic":
         raise InputError(

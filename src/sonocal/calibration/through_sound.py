@@ -14,6 +14,7 @@ from sonocal.calibration.refusals import explained
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import known_image_size, split_rows
 from sonocal.calibration.sound import Sound
+from sonocal.calibration.sound_options import OF_SOUND
 from sonocal.calibration.sound_told import sound_findings
 from sonocal.calibration.speed import SPEEDS_M_S, Rays, Speed, speed_of
 from sonocal.calibration.widened import widened
@@ -58,8 +59,7 @@ def calibrate_through_sound(observations: Observations, asked: Options, calibrat
     area = _area_as_scanned(found, rows)
     sound = _sound(found, speed, asked, area)
     told = partial(_told, found, sound, rows, default_face=asked.probe_face_px is None)
-    names = ("probe_radius_mm", "sound_speed", "assumed_sound_speed", "probe_face_px")
-    used = replace(found.options, **{name: getattr(asked, name) for name in names})
+    used = replace(found.options, **{name: getattr(asked, name) for name in OF_SOUND})
     return replace(
         found,
         sound=sound,
@@ -82,7 +82,7 @@ def _rays(asked: Options, rows: Observations) -> Rays:
     Raises:
         InputError: the middle of its face is not told, and the image's size says nothing of it.
     """
-    face, assumed = asked.probe_face_px, asked.assumed_sound_speed
+    face, assumed = asked.probe_face_px, asked.assumed_sound_speed_m_s
     size = known_image_size(rows, asked.image_size_px)
     if face is not None and len(face) != rows.dimension:
         raise InputError(
@@ -96,7 +96,11 @@ def _rays(asked: Options, rows: Observations) -> Rays:
     if face is None:
         face = tuple(0.0 if axis == 1 else (side - 1) / 2 for axis, side in enumerate(size or ()))
     assert asked.probe_radius_mm is not None
-    given = None if isinstance(asked.sound_speed, str) or asked.sound_speed is None else asked.sound_speed
+    given = (
+        None
+        if isinstance(asked.sound_speed_m_s, str) or asked.sound_speed_m_s is None
+        else asked.sound_speed_m_s
+    )
     ratio = None if given is None else given / assumed
     return Rays(face, asked.probe_radius_mm, ratio, (SPEEDS_M_S[0] / assumed, SPEEDS_M_S[1] / assumed))
 
@@ -114,8 +118,8 @@ def _sound(found: Calibration, speed: Speed, asked: Options, area: Array) -> Sou
     """What is kept of the speed, and how far the answer is off without it."""
     from scipy.special import stdtr
 
-    assumed, fan, left = asked.assumed_sound_speed, speed.fan, speed.left
-    estimated, by_rows = asked.sound_speed == "estimate", speed.ratio - left.size
+    assumed, fan, left = asked.assumed_sound_speed_m_s, speed.fan, speed.left
+    estimated, by_rows = asked.sound_speed_m_s == "estimate", speed.ratio - left.size
     half = quantile_95(left.freedom) * left.deviation
     away = abs(speed.ratio - 1.0 if estimated else left.size) / left.deviation
     nearest, off = nearest_similarity(

@@ -12,7 +12,7 @@ from sonocal.cli.help import command
 from sonocal.cli.options import FILE, WRITTEN, console
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say
-from sonocal.cli.sound import AS_SCANNED, as_scanned, which_map
+from sonocal.cli.sound import AS_SCANNED, as_scanned
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ def export(
     json    the calibration file, brought up to date
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.formats import calibration_in
+    from sonocal.export.content import which_images
     from sonocal.files import write_atomically
 
     if form != "plus" and into is not None:
@@ -94,8 +95,8 @@ def export(
     reserve(output)
     write_atomically(output, content)
     console().print(remark)
-    for line in which_map(loaded, scanned=scanned):
-        say(line)
+    if images := which_images(loaded):
+        say(images)
     say(f"Wrote {output}")
 
 

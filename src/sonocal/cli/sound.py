@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.existing import Existing
 
-__all__ = ["AS_SCANNED", "OF_SOUND", "as_scanned", "of_sound", "which_map"]
+__all__ = ["AS_SCANNED", "OF_SOUND", "as_scanned", "of_sound"]
 
-OF_SOUND = ("probe_radius_mm", "sound_speed", "assumed_sound_speed", "probe_face_px")
+OF_SOUND = ("probe_radius_mm", "sound_speed_m_s", "assumed_sound_speed_m_s", "probe_face_px")
 AS_SCANNED = click.option(
     "--as-scanned",
     "scanned",
@@ -70,6 +70,7 @@ def of_sound(command: Callable[..., None]) -> Callable[..., None]:
         ),
         click.option(
             "--assumed-sound-speed",
+            "assumed_sound_speed_m_s",
             type=float,
             default=1540.0,
             show_default=True,
@@ -77,6 +78,7 @@ def of_sound(command: Callable[..., None]) -> Callable[..., None]:
         ),
         click.option(
             "--sound-speed",
+            "sound_speed_m_s",
             type=SoundSpeed(),
             metavar="M/S|estimate",
             help="In what was scanned, m/s (water at 20 C: 1482); or estimate, from 1400 to 1650.  "
@@ -106,23 +108,3 @@ def as_scanned(found: Calibration | Existing, path: Path) -> Calibration:
             f"{path}: has one map for all images; --as-scanned is for calibrations made with --sound-speed"
         )
     return replace(found, probe_from_image=Similarity.from_matrix(found.sound.as_scanned))
-
-
-def which_map(found: Calibration | Existing, *, scanned: bool) -> Iterator[str]:
-    """For which images the map is that is written, where there are two."""
-    from sonocal.calibration import Calibration
-
-    if not isinstance(found, Calibration) or found.sound is None:
-        return
-    sound = found.sound
-    if scanned:
-        yield (
-            f"This map is for images in which sound runs at {sound.speed_m_s:.0f} m/s where the scanner assumes "
-            f"{sound.assumed_m_s:.0f}: of all similarities it is the nearest, and off by up to "
-            f"{sound.as_scanned_off_mm:.1f} mm."
-        )
-    else:
-        yield (
-            f"This map is for images in which sound runs at {sound.assumed_m_s:.0f} m/s, as the scanner assumes; for "
-            "those of the bath take --as-scanned."
-        )

@@ -71,8 +71,8 @@ def _speed_of_sound(calibration: Calibration) -> str:
     if (sound := calibration.sound) is not None:
         who = "by the rows" if sound.estimated else "as given"
         return (
-            f"Places were corrected for sound of {sound.speed_m_s:.0f} m/s {who}: compare with the bath's temperature (water "
-            f"of 20 degrees C: 1482). The calibration is for images in which it runs at {sound.assumed_m_s:.0f}."
+            f"Places were corrected for sound of {sound.speed_m_s:.0f} m/s {who}: compare with the bath's temperature "
+            f"(water of 20 degrees C: 1482). The calibration is for images in which it runs at {sound.assumed_m_s:.0f}."
         )
     return (
         "Scanners take sound for 1540 m/s fast; in water of 20 degrees C it is 1482, and depths are shown 3.9 % too "
