@@ -20,7 +20,7 @@ import sonocal as sc
 from benchmarks.simulators.fans import RADIUS_MM, as_shown, fan_scan
 from benchmarks.simulators.trust_judge import image_size, table
 from benchmarks.simulators.trust_scans import Array, Scan, mapped
-from sonocal.calibration import Calibration
+from sonocal.calibration import Calibration, Sound
 
 ASSUMED = 1540.0
 KINDS = {
@@ -35,7 +35,7 @@ PLACES = 9
 NAMES = {"anisotropic-scale", "image-distortion"}
 # A predicted error above what is accepted is no accusation; chance calls one speed of a hundred another.
 FAIR, TOLD = {"weak-motion"}, 0.01
-METHODS = ("right", "given", "estimated")
+METHODS = ("right", "given", "estimated", "with mm/px")
 ERRORS = (
     "scans",
     "speed",
@@ -43,7 +43,8 @@ ERRORS = (
     "ignored: tissue / bath, mm",
     "given: tissue / bath, times the right speed's",
     "estimated: tissue / bath, likewise",
-    "corners within the 95 % bound: right / given / estimated",
+    "estimated with the scanner's mm/px, likewise",
+    "corners within the 95 % bound: right / given / estimated / with mm/px",
 )
 WORDS = (
     "scans",
@@ -51,7 +52,7 @@ WORDS = (
     "named without the option",
     "told from the assumed speed",
     "accused",
-    "speed in its interval",
+    "speed in its interval: estimated / with mm/px",
     "half of that, m/s",
 )
 
@@ -64,8 +65,7 @@ class Judged:
         tissue_mm, bath_mm: by method, rms over the image: of images at the assumed speed, and as scanned.
         corners_mm: by method, the greatest at a corner of images at the assumed speed.
         covered: by method, the share of corners within their predicted error (95 %).
-        speed: of the estimate, its error over the half width of its interval.
-        half_m_s: that half width.
+        speed, half_m_s: by method, the estimate's error over the half width of its interval, and that half width.
         named, accused, told: without the option; with the estimate; and whether that is told from the assumed speed.
     """
 
@@ -73,8 +73,8 @@ class Judged:
     bath_mm: dict[str, float]
     corners_mm: dict[str, float]
     covered: dict[str, float]
-    speed: float
-    half_m_s: float
+    speed: dict[str, float]
+    half_m_s: dict[str, float]
     named: bool
     accused: bool
     told: bool
@@ -109,15 +109,17 @@ def judged(seed: int, kind: str, ratio: float) -> Judged:
     scan = fan_scan(seed, ratio=ratio, **KINDS[kind])  # type: ignore[arg-type]
     right = fan_scan(seed, ratio=1.0, **KINDS[kind])  # type: ignore[arg-type]
     told = {"probe_radius_mm": RADIUS_MM}
+    mm_per_px = float(np.linalg.norm(scan.truth[:3, 0]))
     found = {
         "right": calibrated(right),
         "ignored": calibrated(scan),
         "given": calibrated(scan, **told, sound_speed_m_s=ratio * ASSUMED),
         "estimated": calibrated(scan, **told, sound_speed_m_s="estimate"),
+        "with mm/px": calibrated(scan, **told, sound_speed_m_s="estimate", scanner_mm_per_px=mm_per_px),
     }
-    sound = found["estimated"].sound
-    assert sound is not None
-    half = (sound.by_rows_m_s[1] - sound.by_rows_m_s[0]) / 2
+    sounds = {name: sound_of(found[name]) for name in METHODS[2:]}
+    halves = {name: (one.by_rows_m_s[1] - one.by_rows_m_s[0]) / 2 for name, one in sounds.items()}
+    p_value = sounds["estimated"].p_value
     warned = {one.code for one in found["estimated"].warnings}
     return Judged(
         tissue_mm={name: rms(tissue_errors(one, scan)) for name, one in found.items()},
@@ -127,12 +129,18 @@ def judged(seed: int, kind: str, ratio: float) -> Judged:
         },
         corners_mm={name: float(corner_errors(one, scan).max()) for name, one in found.items()},
         covered={name: covered(one, scan) for name, one in found.items()},
-        speed=(sound.speed_m_s - ratio * ASSUMED) / half,
-        half_m_s=half,
+        speed={name: (one.speed_m_s - ratio * ASSUMED) / halves[name] for name, one in sounds.items()},
+        half_m_s=halves,
         named=bool(NAMES & {one.code for one in found["ignored"].warnings}),
-        accused=bool(warned - FAIR) or (ratio == 1.0 and sound.p_value < TOLD),
-        told=sound.p_value < TOLD,
+        accused=bool(warned - FAIR) or (ratio == 1.0 and p_value < TOLD),
+        told=p_value < TOLD,
     )
+
+
+def sound_of(found: Calibration) -> Sound:
+    """What it knows of the speed."""
+    assert found.sound is not None
+    return found.sound
 
 
 def calibrated(scan: Scan, **options: Any) -> Calibration:
@@ -187,7 +195,10 @@ def errors_of(kind: str, ratio: float, found: list[Judged]) -> str:
         f"{overall(found, 'tissue_mm', 'right'):.2f}",
         f"{overall(found, 'tissue_mm', 'ignored'):.2f} / {overall(found, 'bath_mm', 'ignored'):.2f}",
         f"{times('tissue_mm', 'given'):.2f} / {times('bath_mm', 'given'):.2f}",
-        f"{times('tissue_mm', 'estimated'):.2f} / {times('bath_mm', 'estimated'):.2f}",
+        *(
+            f"{times('tissue_mm', method):.2f} / {times('bath_mm', method):.2f}"
+            for method in ("estimated", "with mm/px")
+        ),
         " / ".join(f"{100 * np.mean([one.covered[name] for one in found]):.0f} %" for name in METHODS),
     )
     return f"| {' | '.join(cells)} |"
@@ -205,8 +216,10 @@ def words_of(kind: str, ratio: float, found: list[Judged]) -> str:
         kind,
         f"{ASSUMED * ratio:.0f} m/s",
         *(f"{sum(getattr(one, name) for one in found)} of {count}" for name in ("named", "told", "accused")),
-        f"{100 * np.mean([abs(one.speed) <= 1.0 for one in found]):.1f} %",
-        f"{np.median([one.half_m_s for one in found]):.0f}",
+        " / ".join(
+            f"{100 * np.mean([abs(one.speed[name]) <= 1.0 for one in found]):.1f} %" for name in METHODS[2:]
+        ),
+        " / ".join(f"{np.median([one.half_m_s[name] for one in found]):.0f}" for name in METHODS[2:]),
     )
     return f"| {' | '.join(cells)} |"
 

@@ -1,6 +1,7 @@
 """A curved probe whose scanner assumes another speed of sound than there was: given, estimated, told, kept, undone."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -70,6 +71,59 @@ def test_an_estimate_is_less_sure_than_a_speed_that_is_known(given, estimated):
     assert np.all(estimated.predicted_errors()[2][bottom] > 1.3 * given.predicted_errors()[2][bottom])
     larger = estimated.covariance - given.covariance
     assert np.linalg.eigvalsh(larger / np.sqrt(np.outer(*[np.diag(given.covariance)] * 2)))[-1] > 0.5
+
+
+def half_m_s(found):
+    low, high = found.sound.by_rows_m_s
+    return (high - low) / 2
+
+
+def test_the_scanners_mm_per_px_make_an_estimate_sure(slow, estimated, given):
+    true = float(np.linalg.norm(slow.truth[:3, 0]))
+    found = found_in(slow, **ESTIMATED, scanner_mm_per_px=true)
+    assert half_m_s(found) < 0.5 * half_m_s(estimated)
+    assert abs(found.sound.speed_m_s - SLOW * ASSUMED_M_S) < half_m_s(found)
+    assert rms(tissue_errors(found, slow)) <= 1.1 * rms(tissue_errors(given, slow))
+    assert np.all(found.predicted_errors()[2] < estimated.predicted_errors()[2])
+    assert np.linalg.eigvalsh(found.covariance)[0] > 0
+    assert any("by the rows and the scanner's mm/px" in one.message for one in found.diagnostics)
+
+
+def test_a_scanners_number_is_known_to_half_of_its_last_digit(slow, estimated):
+    true = float(np.linalg.norm(slow.truth[:3, 0]))
+    halves = [half_m_s(found_in(slow, **ESTIMATED, scanner_mm_per_px=round(true, n))) for n in (1, 2, 3, 4)]
+    assert np.all(np.diff(halves) < 0)
+    assert halves[0] == pytest.approx(half_m_s(estimated), rel=0.01)
+
+
+def test_mm_per_px_that_the_rows_contradict_are_doubted(slow):
+    true = float(np.linalg.norm(slow.truth[:3, 0]))
+    found = found_in(slow, **ESTIMATED, scanner_mm_per_px=0.97 * true)
+    said = [one.message for one in found.warnings if one.code == "sound-speed-doubtful"]
+    assert len(said) == 1
+    # Less mm/px is a truth that is smaller in px: depths must be stretched by more.
+    assert re.match(r"by the scanner's mm/px sound ran (\d\d) m/s faster than by the rows", said[0])
+
+
+@pytest.mark.parametrize("options", [{"weighting": "geometric"}, {"threshold_mm": "auto"}])
+def test_other_ways_to_fit_find_the_speed_too(slow, estimated, options):
+    found = found_in(slow, **ESTIMATED, **options)
+    assert abs(found.sound.speed_m_s - SLOW * ASSUMED_M_S) < 1.5 * half_m_s(found)
+    assert half_m_s(found) == pytest.approx(half_m_s(estimated), rel=0.2)
+
+
+def test_outliers_and_copies_do_not_mislead_an_estimate(slow, estimated):
+    rows = table(slow)
+    rng = np.random.default_rng(0)
+    wild = rng.random(len(rows)) < 0.3
+    points = np.where(wild[:, None], rng.uniform(0, 500, rows.points_px.shape), rows.points_px)
+    found = sc.calibrate(rows.with_sound(points_px=points), image_size_px=image_size(slow), **ESTIMATED)
+    assert abs(found.sound.speed_m_s - SLOW * ASSUMED_M_S) < 1.5 * half_m_s(found)
+    twice = rows.select(np.tile(np.arange(len(rows)), 2)).with_sound(frame=np.arange(2 * len(rows)))
+    copied = sc.calibrate(twice, image_size_px=image_size(slow), **ESTIMATED)
+    assert "repeated-rows" in {one.code for one in copied.warnings}
+    assert half_m_s(copied) == pytest.approx(half_m_s(estimated), rel=0.01)
+    assert len(copied.residuals_mm) == len(twice)
 
 
 def test_the_speed_that_is_assumed_changes_nothing_to_the_last_digit(slow):

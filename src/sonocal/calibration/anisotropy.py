@@ -51,7 +51,7 @@ def anisotropy_findings(
         return
     wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
-    if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
+    if any(diagnose_anisotropy(wider.transform.scales, wider.least_covariance)):
         noise = estimate_noise(table, wider, groupings.labels, time=groupings.time)
         # What few independent errors leave unknown is in a drift's covariance already, and the scan is warned of.
         significant = SIGNIFICANT if noise.drift is None else NORMAL_95
@@ -148,11 +148,3 @@ def _speed_of_sound(ratio: float) -> str:
         f"; sound of {speed:.0f} m/s where the scanner assumes {ASSUMED_M_S:.0f} would do that to depth along v "
         f"(water at 20 C: {WATER_M_S:.0f} m/s)"
     )
-
-
-def _least_covariance(fit: Fit) -> Array:
-    """The tangent's covariance if rows shared no error."""
-    if fit.weighting == "likelihood":
-        return fit.covariance
-    freedom = 2 * int(fit.inlier.sum()) - len(fit.covariance)
-    return fit.covariance * float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom

@@ -70,7 +70,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
             What is known of the sound, where the scanner assumes another speed than there was:
             probe_radius_mm (None): radius of a curved probe's face.
             sound_speed_m_s (None): in what was scanned; "estimate": found beside the calibration, from 1400 to 1650.
-            Of a curved probe only, by its radius. The answer is then for images in which sound runs as assumed.
+            Of a curved probe only, by its radius; scanner_mm_per_px in all its digits makes it surer. The answer is
+            then for images in which sound runs as assumed.
             assumed_sound_speed_m_s (1540.0): by the scanner.
             probe_face_px (None): the middle of the transducer's face in the image. Default: of the image's top row.
 

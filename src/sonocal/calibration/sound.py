@@ -26,7 +26,7 @@ class Sound:
         speed_m_s: in what was scanned, given or estimated.
         assumed_m_s: by the scanner.
         estimated: from the rows; else it was given.
-        by_rows_m_s: what the rows say of it by themselves, least and most (95 %).
+        by_rows_m_s: what the rows say of it, with the scanner's mm/px where those are known: least and most (95 %).
         p_value: how often chance does as much where the assumed speed is the right one; of a given one, where that is.
         probe_radius_mm: of the face.
         face_px: (d,), its middle in the image.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from sonocal.calibration.options import Options
 from sonocal.calibration.repeated import fit_distinct
 from sonocal.calibration.rows import point_line_rows
 from sonocal.errors import InputError
-from sonocal.geometry import AxisScaled, homogeneous_points
+from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.geometry.fan import Fan
 from sonocal.observations import Observations
 from sonocal.registration.fit import Fit
@@ -29,6 +30,38 @@ ROUNDS, STEPS = 4, 40
 REST = 1e-11
 
 
+class Asked(NamedTuple):
+    """A further stretch along the rays that is asked for.
+
+    Attributes:
+        size: of the stretch, as a change of the ratio; deviation, freedom: of that.
+        pulled: (k,), what of one of it the transform takes up.
+        share: of the size that the scanner's mm/px have, against the fit's; 0: they are not known.
+        apart: the size's variance from all but the fit's own scale.
+        between: how much more the scanner's mm/px ask for than the rows do.
+        between_deviation: of that, where both are right.
+    """
+
+    size: float
+    deviation: float
+    freedom: float
+    pulled: Array
+    share: float
+    apart: float
+    between: float = 0.0
+    between_deviation: float = np.inf
+
+    def covariance(self, at_ratio: Array) -> Array:
+        """(k, k), of a transform that follows the ratio, by that at a ratio that is known.
+
+        What the scanner's mm/px put right of the ratio they put right of the fit's scale.
+        """
+        follow = np.eye(len(self.pulled))
+        if self.share > 0.0:
+            follow[:, 6] -= self.share * self.pulled / self.pulled[6]
+        return np.asarray(follow @ at_ratio @ follow.T + self.apart * np.outer(self.pulled, self.pulled))
+
+
 @dataclass(frozen=True)
 class Rays:
     """What is known of a curved probe before anything is fitted.
@@ -38,12 +71,14 @@ class Rays:
         radius_mm: of the face.
         ratio: of the true to the assumed speed; None: to be estimated, within `bounds`.
         bounds: of the ratio.
+        said: logarithm of what the scanner says of mm/px, and how well that is known; None: it says nothing.
     """
 
     face_px: tuple[float, ...]
     radius_mm: float
     ratio: float | None
     bounds: tuple[float, float]
+    said: tuple[float, float] | None = None
 
     def fan(self, transform: AxisScaled) -> Fan:
         """The rays in an image at the transform's mm/px."""
@@ -53,6 +88,31 @@ class Rays:
         """The ratio without that much of a stretch too many."""
         return float(np.clip(ratio - size, *self.bounds)) if self.ratio is None else ratio
 
+    def heard(self, rows: Distortion, fit: Fit) -> Asked:
+        """What rows and the scanner's mm/px, where it says any, ask for together.
+
+        Args:
+            rows: what they ask for by themselves.
+            fit: the transform at the ratio, and how well the rows know its scale there.
+        """
+        pulled, variance = rows.pulled, rows.deviation**2
+        if self.said is None or pulled[6] == 0.0:
+            return Asked(rows.size, rows.deviation, rows.freedom, pulled, 0.0, variance)
+        size = (self.said[0] - float(np.log(fit.transform.scales[0]))) / pulled[6]
+        said = self.said[1] ** 2 / pulled[6] ** 2
+        both = variance + said + float(fit.least_covariance[6, 6]) / pulled[6] ** 2
+        share = variance / both
+        return Asked(
+            size=float((1.0 - share) * rows.size + share * size),
+            deviation=float(np.sqrt((1.0 - share) * variance)),
+            freedom=rows.freedom,
+            pulled=pulled,
+            share=float(share),
+            apart=float((1.0 - share) ** 2 * variance + share**2 * said),
+            between=float(rows.size - size),
+            between_deviation=float(np.sqrt(both)),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Speed:
@@ -61,13 +121,13 @@ class Speed:
     Attributes:
         ratio: of the true to the assumed speed, given or estimated.
         fan: the rays in the image.
-        left: what the rows say of a further stretch along the rays: of an estimate its size is nothing.
+        left: what is asked for still: of an estimate no size.
         ignored: the transform of the rows as they are.
     """
 
     ratio: float
     fan: Fan
-    left: Distortion
+    left: Asked
     ignored: AxisScaled
 
     def corrected(self, rows: Observations) -> Observations:
@@ -104,12 +164,13 @@ def speed_of(rows: Observations, plain: Options, rays: Rays) -> Speed:
     return found
 
 
-def _settled(rows: Observations, fit: Fit, rays: Rays, ratio: float) -> tuple[float, Fan, Distortion]:
+def _settled(rows: Observations, fit: Fit, rays: Rays, ratio: float) -> tuple[float, Fan, Asked]:
     """The ratio at which the rows that agree ask for no further stretch, or as it is given."""
     transform, least = fit.transform, _Stretched(rows, fit)
     for _ in range(STEPS):
         fan = rays.fan(transform)
-        transform, left = least.at(fan, ratio, transform)
+        refined, rows_ask = least.at(fan, ratio, transform)
+        transform, left = refined.transform, rays.heard(rows_ask, refined)
         before = np.array([ratio, fan.radius_px])
         ratio = rays.stepped(ratio, left.size)
         if np.all(np.abs(before - [ratio, rays.fan(transform).radius_px]) < REST * before):
@@ -129,13 +190,13 @@ class _Stretched:
         self.points_px, self.table, self.fit = rows.points_px, point_line_rows(rows), fit
         self.groups: list[NDArray[np.int64]] = list(groupings_of(self.table, rows).labels.values())
 
-    def at(self, fan: Fan, ratio: float, start: AxisScaled) -> tuple[AxisScaled, Distortion]:
-        """The transform at a ratio, and what the rows say of a further stretch."""
+    def at(self, fan: Fan, ratio: float, start: AxisScaled) -> tuple[Fit, Distortion]:
+        """The fit at a ratio, and what the rows say of a further stretch."""
         table = replace(self.table, points=homogeneous_points(fan.stretched(self.points_px, ratio)))
         fit = self.fit
-        transform = refine_point_lines(start, table, fit.inlier, fit.levelled).transform
+        refined = refine_point_lines(start, table, fit.inlier, fit.levelled)
         left = likeliest_distortion(
-            MappedRows(transform, table),
+            MappedRows(refined.transform, table),
             fit.inlier,
             {"rays": homogeneous_points(fan.below_face(self.points_px))},
             levels=(fit.sigma_px, fit.sigma_mm),
@@ -146,4 +207,4 @@ class _Stretched:
             raise InputError(
                 "no row is left over to tell the speed of sound from; scan more needle poses, or give the speed"
             )
-        return transform, left
+        return refined, left

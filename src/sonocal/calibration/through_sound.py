@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from decimal import Decimal
 from functools import partial
 
 import numpy as np
@@ -16,7 +17,7 @@ from sonocal.calibration.rows import known_image_size, split_rows
 from sonocal.calibration.sound import Sound
 from sonocal.calibration.sound_options import OF_SOUND
 from sonocal.calibration.sound_told import sound_findings
-from sonocal.calibration.speed import SPEEDS_M_S, Rays, Speed, speed_of
+from sonocal.calibration.speed import SPEEDS_M_S, Asked, Rays, Speed, speed_of
 from sonocal.calibration.widened import widened
 from sonocal.errors import InputError
 from sonocal.findings import Diagnostic, Findings
@@ -28,6 +29,8 @@ from sonocal.registration.uncertainty import quantile_95
 __all__ = ["calibrate_through_sound"]
 
 Calibrate = Callable[..., Calibration]
+# As a share: trackers and rulers are no better, however many digits a scanner has.
+LEAST_SAID = 0.0005
 
 
 def calibrate_through_sound(observations: Observations, asked: Options, calibrate: Calibrate) -> Calibration:
@@ -37,6 +40,8 @@ def calibrate_through_sound(observations: Observations, asked: Options, calibrat
     what is unknown of it: the transform follows the ratio.
 
         cov = cov at the ratio + g g' var(ratio),    g = d transform / d ratio
+
+    With the scanner's mm/px the ratio follows them too, each by how well it is known.
 
     Args:
         observations: as scanned, held-out rows among them.
@@ -54,11 +59,10 @@ def calibrate_through_sound(observations: Observations, asked: Options, calibrat
     right = speed.corrected(observations)
     found = calibrate(right, **{one.name: getattr(plain, one.name) for one in fields(Options)})
     if rays.ratio is None and found.covariance is not None:
-        unknown = np.outer(speed.left.pulled, speed.left.pulled) * speed.left.deviation**2
-        found = widened(found, found.covariance + unknown, speed.corrected(rows))
+        found = widened(found, speed.left.covariance(found.covariance), speed.corrected(rows))
     area = _area_as_scanned(found, rows)
     sound = _sound(found, speed, asked, area)
-    told = partial(_told, found, sound, rows, default_face=asked.probe_face_px is None)
+    told = partial(_told, found, sound, rows, (asked, speed.left))
     used = replace(found.options, **{name: getattr(asked, name) for name in OF_SOUND})
     return replace(
         found,
@@ -69,11 +73,15 @@ def calibrate_through_sound(observations: Observations, asked: Options, calibrat
     )
 
 
-def _told(found: Calibration, sound: Sound, rows: Observations, *, default_face: bool) -> list[Diagnostic]:
+def _told(
+    found: Calibration, sound: Sound, rows: Observations, how: tuple[Options, Asked]
+) -> list[Diagnostic]:
     """The findings: what lies outside of the image is told by where it was seen."""
     told = [one for one in found.diagnostics if one.code != "outside-image"]
     outside = outside_findings(rows.points_px[found.inlier], found.image_size_px)
-    return [*sound_findings(sound, default_face=default_face), *outside, *told]
+    asked, left = how
+    by = "the rows" if asked.scanner_mm_per_px is None else "the rows and the scanner's mm/px"
+    return [*sound_findings(sound, left, by, default_face=asked.probe_face_px is None), *outside, *told]
 
 
 def _rays(asked: Options, rows: Observations) -> Rays:
@@ -102,7 +110,18 @@ def _rays(asked: Options, rows: Observations) -> Rays:
         else asked.sound_speed_m_s
     )
     ratio = None if given is None else given / assumed
-    return Rays(face, asked.probe_radius_mm, ratio, (SPEEDS_M_S[0] / assumed, SPEEDS_M_S[1] / assumed))
+    bounds = (SPEEDS_M_S[0] / assumed, SPEEDS_M_S[1] / assumed)
+    return Rays(face, asked.probe_radius_mm, ratio, bounds, _said(asked.scanner_mm_per_px))
+
+
+def _said(scanner_mm_per_px: float | tuple[float, float] | None) -> tuple[float, float] | None:
+    """The logarithm of the scanner's mm/px and its standard deviation: a number is known to half of its last digit."""
+    if scanner_mm_per_px is None:
+        return None
+    numbers = np.atleast_1d(scanner_mm_per_px)
+    digits = max(Decimal(repr(float(one))).as_tuple().exponent for one in numbers)
+    rounded = 0.5 * 10.0 ** int(digits) / np.sqrt(3.0) / float(numbers.mean())
+    return float(np.log(numbers).mean()), max(rounded, LEAST_SAID)
 
 
 def _area_as_scanned(found: Calibration, rows: Observations) -> Array:

@@ -81,8 +81,8 @@ def of_sound(command: Callable[..., None]) -> Callable[..., None]:
             "sound_speed_m_s",
             type=SoundSpeed(),
             metavar="M/S|estimate",
-            help="In what was scanned, m/s (water at 20 C: 1482); or estimate, from 1400 to 1650.  "
-            "[default: as the scanner assumes]",
+            help="In what was scanned, m/s (water at 20 C: 1482); or estimate, from 1400 to 1650, which "
+            "--scanner-mm-per-px in all its digits makes surer.  [default: as the scanner assumes]",
         ),
         click.option(
             "--probe-radius-mm",
