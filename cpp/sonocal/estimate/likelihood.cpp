@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "sonocal/interrupt/interrupt.hpp"
 #include "sonocal/linalg/ldlt.hpp"
+#include "sonocal/linalg/product.hpp"
 #include "sonocal/linalg/vectors.hpp"
 
 namespace sonocal {
@@ -18,6 +20,7 @@ constexpr double kConvergedLevel = 1e-5;  // of a squared level, relative
 constexpr double kMostStep = 1.4;         // of a squared level's logarithm
 constexpr double kNear = 0.5;             // a step of it that is no longer one of many
 constexpr double kLeastLevel = 1e-34;     // squared, so that noise-free rows have a weight
+constexpr double kFreeMotion = 1e-12;     // of the greatest pivot, in coordinates of order one
 constexpr double kRounding = 1e-24;       // variance, in coordinates of order one
 // How far, in standard deviations of its logarithm, the ratio of the two noises' shares in the residuals is
 // expected from one: wide enough to be forgotten when the data know better, and all there is when they do
@@ -80,13 +83,14 @@ struct Pass {
   int residuals = 0;
 };
 
-Pass pass_over(const NoiseModel& noise, const Transform& at, Variances levels, int step, bool for_levels) {
-  Pass pass(noise.rows().dimension());
+template <class Noise>
+Pass pass_over(const Noise& noise, const Transform& at, Variances levels, int step, bool for_levels) {
+  Pass pass(noise.dimension());
   IndependentBlock block;
   Block lost;
-  NoiseBlocks blocks(noise, at, levels, step, !for_levels);
+  typename Noise::Blocks blocks(noise, at, levels, step, !for_levels);
   while (blocks.next(block)) {
-    pass.residuals += 2 * block.count;
+    pass.residuals += block.residuals;
     const bool loses = robustify(block, lost);
     pass.fit.add(block);
     if (!for_levels) {
@@ -104,16 +108,23 @@ Pass pass_over(const NoiseModel& noise, const Transform& at, Variances levels, i
   return pass;
 }
 
-// The step of the squared levels' logarithms by restricted maximum likelihood, with the average of the
-// expected and the observed information (Gilmour, Thompson and Cullis 1995): where the data contradict the
-// model, the expected one alone overshoots back and forth. A level that is known does not move.
+// What rows say of the squared levels' logarithms by restricted maximum likelihood: the score, and the
+// average of the expected and the observed information (Gilmour, Thompson and Cullis 1995): where the data
+// contradict the model, the expected one alone overshoots back and forth.
 template <int kParameters>
-Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, bool move_px, bool move_mm) {
+struct LevelScore {
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+  Vector2d score;
+  Eigen::Matrix2d information;
+  Matrix shares;  // (J'WJ)^-1 J'WAWJ a: the part of the transform's covariance that is the px level's
+};
+template <int kParameters>
+LevelScore<kParameters> level_score(const Pass& pass, const Transform& at, Variances levels) {
+  LevelScore<kParameters> out;
   const double a = levels.px, b = levels.mm;
   const auto& [trace, qa, qaa, qq, alpha, beta, rr] = pass.scalars;
-  Matrix m0, m1, more;                                 // J'WJ, J'WAWJ
-  Eigen::Matrix<double, kParameters, 1> pull, unused;  // J'WAWr
+  typename LevelScore<kParameters>::Matrix m0, m1, more;  // J'WJ, J'WAWJ
+  Eigen::Matrix<double, kParameters, 1> pull, unused;     // J'WAWr
   pass.fit.linearise<kParameters>(at, m0, unused);
   if (pass.lost.rows() > 0) {
     pass.lost.linearise<kParameters>(at, more, unused);
@@ -121,21 +132,38 @@ Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, boo
   }
   pass.shares.linearise<kParameters>(at, m1, pull);
   const Ldlt<kParameters> solver(m0);
-  const double pa = trace - solver.solve(m1).trace();  // tr(P A), P what the fit leaves of V^-1
+  out.shares = solver.solve(m1);
+  const double pa = trace - out.shares.trace();  // tr(P A), P what the fit leaves of V^-1
+  out.shares *= a;
   // a A + b B = V turns every sum with B into one with A.
   const double pb = (pass.residuals - kParameters - a * pa) / b, qb = (qq - a * qa) / b;
   const double aa = qaa - pull.dot(solver.solve(pull)), ab = (qa - a * aa) / b;
   const double bb = (qq - 2.0 * a * qa + a * a * aa) / (b * b);
-  Eigen::Matrix2d information;
-  information << a * a * aa, a * b * ab, a * b * ab, b * b * bb;
-  information *= 0.5;
-  Vector2d score(0.5 * a * (qa - pa), 0.5 * b * (qb - pb));
+  out.information << a * a * aa, a * b * ab, a * b * ab, b * b * bb;
+  out.information *= 0.5;
+  out.score = Vector2d(0.5 * a * (qa - pa), 0.5 * b * (qb - pb));
+  return out;
+}
+
+// That the two noises' shares in the residuals are alike.
+Eigen::Matrix2d prior_information() {
+  const double precision = 1.0 / (kRatioSpread * kRatioSpread);
+  Eigen::Matrix2d prior;
+  prior << precision, -precision, -precision, precision;
+  return prior;
+}
+
+// The step of the squared levels' logarithms. A level that is known does not move.
+template <int kParameters>
+Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, bool move_px, bool move_mm) {
+  const LevelScore<kParameters> of = level_score<kParameters>(pass, at, levels);
+  const Eigen::Matrix2d& information = of.information;
+  const Vector2d& score = of.score;
   Vector2d result = Vector2d::Zero();
   if (move_px && move_mm) {
-    const double precision = 1.0 / (kRatioSpread * kRatioSpread), off = std::log(a * alpha / (b * beta));
-    Eigen::Matrix2d prior;
-    prior << precision, -precision, -precision, precision;
-    result = Ldlt<2>(information + prior).solve<1>(score + precision * Vector2d(-off, off));
+    const double off = std::log(levels.px * pass.scalars.alpha / (levels.mm * pass.scalars.beta));
+    const Eigen::Matrix2d prior = prior_information();
+    result = Ldlt<2>(information + prior).solve<1>(score - prior * Vector2d(off, 0));
   } else if (move_px) {
     result[0] = score[0] / information(0, 0);
   } else if (move_mm) {
@@ -145,17 +173,16 @@ Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, boo
   return result.cwiseMax(-kMostStep).cwiseMin(kMostStep);
 }
 
-Variances variances(const NoiseModel& noise, NoiseLevels levels) {
-  const Normalisation& n = noise.rows().normalisation();
+Variances variances(const Normalisation& n, NoiseLevels levels) {
   return {std::pow(levels.px / n.image_size, 2), std::pow(levels.mm / n.size, 2)};
 }
 
-template <int kParameters>
+template <int kParameters, class Noise>
 class Maximiser {
  public:
-  Maximiser(const NoiseModel& noise, Model model, NoiseLevels known)
+  Maximiser(const Noise& noise, Model model, NoiseLevels known)
       : noise_(noise), model_(model), move_px_(!(known.px > 0)), move_mm_(!(known.mm > 0)) {
-    levels_ = variances(noise, known);
+    levels_ = variances(noise.normalisation(), known);
   }
 
   LikelihoodFit run(const Transform& start) {
@@ -175,7 +202,7 @@ class Maximiser {
     }
     alternate(start, 1, fit);
     fit.converged = fit.converged && found_levels;
-    const Normalisation& n = noise_.rows().normalisation();
+    const Normalisation& n = noise_.normalisation();
     fit.levels = {std::sqrt(levels_.px) * n.image_size, std::sqrt(levels_.mm) * n.size};
     const Pass last = pass_over(noise_, fit.transform, levels_, 1, false);
     if (fit.converged) fit.transform = refine(last.fit, fit.transform, model_, kIterationsARound).transform;
@@ -235,7 +262,7 @@ class Maximiser {
     return step.cwiseAbs().maxCoeff();
   }
 
-  const NoiseModel& noise_;
+  const Noise& noise_;
   const Model model_;
   bool move_px_, move_mm_;
   Variances levels_;
@@ -245,26 +272,124 @@ class Maximiser {
 
 }  // namespace
 
-LikelihoodFit maximise_likelihood(const NoiseModel& noise, const Transform& start, Model model,
+namespace {
+
+// J' WAWAW J a^2: information with the px level's share of every row's variance, squared.
+template <int kParameters>
+Eigen::Matrix<double, kParameters, kParameters> squared_shares(const MixedNoise& noise, const Transform& at,
+                                                               Variances levels) {
+  NormalEquations sum(noise.dimension());
+  IndependentBlock block;
+  MixedBlocks blocks(noise, at, levels);
+  while (blocks.next(block)) {
+    for (int k = 0; k < 2; ++k)
+      for (int i = 0; i < block.count; ++i)
+        block.weight[k][i] *= std::pow(levels.px * block.alpha[k][i] * block.weight[k][i], 2);
+    sum.add(block);
+  }
+  Eigen::Matrix<double, kParameters, kParameters> out;
+  Eigen::Matrix<double, kParameters, 1> unused;
+  sum.linearise<kParameters>(at, out, unused);
+  return out;
+}
+
+// Covariance of the levels' logarithms; of one that is known, nothing.
+Eigen::Matrix2d unsure_levels(const Eigen::Matrix2d& information, NoiseLevels known) {
+  Eigen::Matrix2d out = Eigen::Matrix2d::Zero();
+  if (known.px > 0 && known.mm > 0) return out;
+  if (known.px > 0)
+    out(1, 1) = 1.0 / information(1, 1);
+  else if (known.mm > 0)
+    out(0, 0) = 1.0 / information(0, 0);
+  else
+    out = Ldlt<2>(information + prior_information()).solve<2>(Eigen::Matrix2d::Identity());
+  return out;
+}
+
+// With C the covariance if the levels were known, and U that of their logarithms: what their errors add
+// (Kenward and Roger 1997), and the freedom that they leave (Satterthwaite 1946, a mean over all directions
+// of the tangent),
+//     C + 2 C (sum_lm U_lm (Q_lm - M_l C M_m)) C,   2 k (k + 2) / sum_lm U_lm (tr G_l tr G_m + 2 tr G_l G_m),
+// M_l = J'W V_l W J, Q_lm = J'W V_l W V_m W J, G_l = C M_l, V_px + V_mm = V.
+template <int kParameters>
+LikelihoodCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit, NoiseLevels known) {
+  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+  const Variances levels = variances(noise.normalisation(), fit.levels);
+  const Pass pass = pass_over(noise, fit.transform, levels, 1, true);
+  const LevelScore<kParameters> of = level_score<kParameters>(pass, fit.transform, levels);
+  const Eigen::Matrix2d unsure = unsure_levels(of.information, known);
+  const Ldlt<kParameters> information(Matrix(fit.information));
+  const Matrix identity = Matrix::Identity(), covariance = information.solve(identity);
+  const Matrix parts[2] = {of.shares, identity - of.shares};  // G_l
+  const Matrix squares = information.solve(squared_shares<kParameters>(noise, fit.transform, levels));
+  const Matrix both[2][2] = {{squares, of.shares - squares},
+                             {of.shares - squares, identity - 2.0 * of.shares + squares}};  // C Q_lm
+  Matrix added = Matrix::Zero();
+  double sum = 0;
+  for (int l = 0; l < 2; ++l)
+    for (int m = 0; m < 2; ++m) {
+      added += 2.0 * unsure(l, m) * (both[l][m] - product(parts[l], parts[m]));
+      sum += unsure(l, m) *
+             (parts[l].trace() * parts[m].trace() + 2.0 * parts[l].cwiseProduct(parts[m].transpose()).sum());
+    }
+  const double spare = pass.residuals - kParameters;
+  double freedom = std::numeric_limits<double>::infinity();
+  if (sum > 0) freedom = std::min(2.0 * kParameters * (kParameters + 2) / sum, spare);
+  const Matrix matrix = covariance + product(added, covariance);
+  return {0.5 * (matrix + matrix.transpose()), freedom,
+          information.least_pivot() > kFreeMotion * information.greatest_pivot()};
+}
+
+}  // namespace
+
+LikelihoodCovariance covariance_of(const MixedNoise& noise, const LikelihoodFit& fit, Model model,
+                                   NoiseLevels known) {
+  switch (model) {
+    case Model::kScaleKnown:
+      return covariance_as<6>(noise, fit, known);
+    case Model::kSimilarity:
+      return covariance_as<7>(noise, fit, known);
+    default:
+      return covariance_as<8>(noise, fit, known);
+  }
+}
+
+template <class Noise>
+LikelihoodFit maximise_likelihood(const Noise& noise, const Transform& start, Model model,
                                   NoiseLevels known) {
-  return model == Model::kSimilarity ? Maximiser<7>(noise, model, known).run(start)
-                                     : Maximiser<8>(noise, model, known).run(start);
+  switch (model) {
+    case Model::kScaleKnown:
+      return Maximiser<6, Noise>(noise, model, known).run(start);
+    case Model::kSimilarity:
+      return Maximiser<7, Noise>(noise, model, known).run(start);
+    default:
+      return Maximiser<8, Noise>(noise, model, known).run(start);
+  }
 }
+template LikelihoodFit maximise_likelihood(const NoiseModel&, const Transform&, Model, NoiseLevels);
+template LikelihoodFit maximise_likelihood(const MixedNoise&, const Transform&, Model, NoiseLevels);
 
-NormalEquations weighted_cost(const NoiseModel& noise, const Transform& at, NoiseLevels levels) {
-  return pass_over(noise, at, variances(noise, levels), 1, false).fit;
+template <class Noise>
+NormalEquations weighted_cost(const Noise& noise, const Transform& at, NoiseLevels levels) {
+  return pass_over(noise, at, variances(noise.normalisation(), levels), 1, false).fit;
 }
+template NormalEquations weighted_cost(const NoiseModel&, const Transform&, NoiseLevels);
+template NormalEquations weighted_cost(const MixedNoise&, const Transform&, NoiseLevels);
 
-double deviance(const NoiseModel& noise, const Transform& at, NoiseLevels levels) {
-  NoiseBlocks blocks(noise, at, variances(noise, levels));
+template <class Noise>
+double deviance(const Noise& noise, const Transform& at, NoiseLevels levels) {
+  typename Noise::Blocks blocks(noise, at, variances(noise.normalisation(), levels));
   IndependentBlock block;
   double sum = 0;
   while (blocks.next(block))
     for (int k = 0; k < PointLines::kPlanes; ++k)
       for (int i = 0; i < block.count; ++i)
-        sum +=
-            block.residual[k][i] * block.residual[k][i] * block.weight[k][i] - std::log(block.weight[k][i]);
+        if (block.weight[k][i] > 0)
+          sum +=
+              block.residual[k][i] * block.residual[k][i] * block.weight[k][i] - std::log(block.weight[k][i]);
   return sum;
 }
+template double deviance(const NoiseModel&, const Transform&, NoiseLevels);
+template double deviance(const MixedNoise&, const Transform&, NoiseLevels);
 
 }  // namespace sonocal

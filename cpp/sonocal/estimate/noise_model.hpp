@@ -29,6 +29,7 @@ struct Variances {
 // Rows whose two residuals are independent of each other and of all others' at a transform: residual[k] has
 // the variance px alpha[k] + mm beta[k], whose inverse is weight[k].
 struct IndependentBlock : Block {
+  int residuals = 0;  // two a row, but where a second plane has no weight
   alignas(64) double residual[2][kRows];
   alignas(64) double alpha[2][kRows];
   alignas(64) double beta[2][kRows];
@@ -42,6 +43,8 @@ struct IndependentBlock : Block {
   Vector3d column_pull[3];
 };
 
+class NoiseBlocks;
+
 // Sightings as independent rows.
 //
 // A point at the place tau of its needle (-1 and 1 at the segment's ends) sees the noise of both ends,
@@ -51,6 +54,7 @@ struct IndependentBlock : Block {
 // pixel noise seen there) makes the residuals independent whatever the two levels are.
 class NoiseModel {
  public:
+  using Blocks = NoiseBlocks;
   enum class Kind {
     kAlike,     // every residual has the variance of the tracking level
     kPhysical,  // the above
@@ -60,7 +64,8 @@ class NoiseModel {
   NoiseModel(const PointLines& rows, const Sightings& sightings, RowNoise noise,
              const PointLines::Column& squares, double limit, Kind kind = Kind::kPhysical);
 
-  const PointLines& rows() const { return rows_; }
+  int dimension() const { return rows_.dimension(); }
+  const Normalisation& normalisation() const { return rows_.normalisation(); }
   int sightings() const { return static_cast<int>(singles_.size() + pairs_.size() + others_.size()); }
 
  private:
