@@ -48,6 +48,7 @@ MIXES: tuple[dict[str, int], ...] = (
     {"image_point_point": 10},
     {"image_point_line": 20},
     {"image_line_plane": 20},
+    {"image_line_plane": 40},
     {"image_point_point": 5, "image_point_line": 10, "image_line_plane": 10},
 )
 

@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "sonocal/interrupt/interrupt.hpp"
 #include "sonocal/linalg/ldlt.hpp"
-#include "sonocal/linalg/product.hpp"
 #include "sonocal/linalg/vectors.hpp"
 
 namespace sonocal {
@@ -108,23 +106,16 @@ Pass pass_over(const Noise& noise, const Transform& at, Variances levels, int st
   return pass;
 }
 
-// What rows say of the squared levels' logarithms by restricted maximum likelihood: the score, and the
-// average of the expected and the observed information (Gilmour, Thompson and Cullis 1995): where the data
-// contradict the model, the expected one alone overshoots back and forth.
+// The step of the squared levels' logarithms by restricted maximum likelihood, with the average of the
+// expected and the observed information (Gilmour, Thompson and Cullis 1995): where the data contradict the
+// model, the expected one alone overshoots back and forth. A level that is known does not move.
 template <int kParameters>
-struct LevelScore {
+Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, bool move_px, bool move_mm) {
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
-  Vector2d score;
-  Eigen::Matrix2d information;
-  Matrix shares;  // (J'WJ)^-1 J'WAWJ a: the part of the transform's covariance that is the px level's
-};
-template <int kParameters>
-LevelScore<kParameters> level_score(const Pass& pass, const Transform& at, Variances levels) {
-  LevelScore<kParameters> out;
   const double a = levels.px, b = levels.mm;
   const auto& [trace, qa, qaa, qq, alpha, beta, rr] = pass.scalars;
-  typename LevelScore<kParameters>::Matrix m0, m1, more;  // J'WJ, J'WAWJ
-  Eigen::Matrix<double, kParameters, 1> pull, unused;     // J'WAWr
+  Matrix m0, m1, more;                                 // J'WJ, J'WAWJ
+  Eigen::Matrix<double, kParameters, 1> pull, unused;  // J'WAWr
   pass.fit.linearise<kParameters>(at, m0, unused);
   if (pass.lost.rows() > 0) {
     pass.lost.linearise<kParameters>(at, more, unused);
@@ -132,38 +123,21 @@ LevelScore<kParameters> level_score(const Pass& pass, const Transform& at, Varia
   }
   pass.shares.linearise<kParameters>(at, m1, pull);
   const Ldlt<kParameters> solver(m0);
-  out.shares = solver.solve(m1);
-  const double pa = trace - out.shares.trace();  // tr(P A), P what the fit leaves of V^-1
-  out.shares *= a;
+  const double pa = trace - solver.solve(m1).trace();  // tr(P A), P what the fit leaves of V^-1
   // a A + b B = V turns every sum with B into one with A.
   const double pb = (pass.residuals - kParameters - a * pa) / b, qb = (qq - a * qa) / b;
   const double aa = qaa - pull.dot(solver.solve(pull)), ab = (qa - a * aa) / b;
   const double bb = (qq - 2.0 * a * qa + a * a * aa) / (b * b);
-  out.information << a * a * aa, a * b * ab, a * b * ab, b * b * bb;
-  out.information *= 0.5;
-  out.score = Vector2d(0.5 * a * (qa - pa), 0.5 * b * (qb - pb));
-  return out;
-}
-
-// That the two noises' shares in the residuals are alike.
-Eigen::Matrix2d prior_information() {
-  const double precision = 1.0 / (kRatioSpread * kRatioSpread);
-  Eigen::Matrix2d prior;
-  prior << precision, -precision, -precision, precision;
-  return prior;
-}
-
-// The step of the squared levels' logarithms. A level that is known does not move.
-template <int kParameters>
-Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, bool move_px, bool move_mm) {
-  const LevelScore<kParameters> of = level_score<kParameters>(pass, at, levels);
-  const Eigen::Matrix2d& information = of.information;
-  const Vector2d& score = of.score;
+  Eigen::Matrix2d information;
+  information << a * a * aa, a * b * ab, a * b * ab, b * b * bb;
+  information *= 0.5;
+  Vector2d score(0.5 * a * (qa - pa), 0.5 * b * (qb - pb));
   Vector2d result = Vector2d::Zero();
   if (move_px && move_mm) {
-    const double off = std::log(levels.px * pass.scalars.alpha / (levels.mm * pass.scalars.beta));
-    const Eigen::Matrix2d prior = prior_information();
-    result = Ldlt<2>(information + prior).solve<1>(score - prior * Vector2d(off, 0));
+    const double precision = 1.0 / (kRatioSpread * kRatioSpread), off = std::log(a * alpha / (b * beta));
+    Eigen::Matrix2d prior;
+    prior << precision, -precision, -precision, precision;
+    result = Ldlt<2>(information + prior).solve<1>(score + precision * Vector2d(-off, off));
   } else if (move_px) {
     result[0] = score[0] / information(0, 0);
   } else if (move_mm) {
@@ -171,10 +145,6 @@ Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, boo
   }
   if (!result.allFinite()) return Vector2d::Zero();
   return result.cwiseMax(-kMostStep).cwiseMin(kMostStep);
-}
-
-Variances variances(const Normalisation& n, NoiseLevels levels) {
-  return {std::pow(levels.px / n.image_size, 2), std::pow(levels.mm / n.size, 2)};
 }
 
 template <int kParameters, class Noise>
@@ -271,88 +241,6 @@ class Maximiser {
 };
 
 }  // namespace
-
-namespace {
-
-// J' WAWAW J a^2: information with the px level's share of every row's variance, squared.
-template <int kParameters>
-Eigen::Matrix<double, kParameters, kParameters> squared_shares(const MixedNoise& noise, const Transform& at,
-                                                               Variances levels) {
-  NormalEquations sum(noise.dimension());
-  IndependentBlock block;
-  MixedBlocks blocks(noise, at, levels);
-  while (blocks.next(block)) {
-    for (int k = 0; k < 2; ++k)
-      for (int i = 0; i < block.count; ++i)
-        block.weight[k][i] *= std::pow(levels.px * block.alpha[k][i] * block.weight[k][i], 2);
-    sum.add(block);
-  }
-  Eigen::Matrix<double, kParameters, kParameters> out;
-  Eigen::Matrix<double, kParameters, 1> unused;
-  sum.linearise<kParameters>(at, out, unused);
-  return out;
-}
-
-// Covariance of the levels' logarithms; of one that is known, nothing.
-Eigen::Matrix2d unsure_levels(const Eigen::Matrix2d& information, NoiseLevels known) {
-  Eigen::Matrix2d out = Eigen::Matrix2d::Zero();
-  if (known.px > 0 && known.mm > 0) return out;
-  if (known.px > 0)
-    out(1, 1) = 1.0 / information(1, 1);
-  else if (known.mm > 0)
-    out(0, 0) = 1.0 / information(0, 0);
-  else
-    out = Ldlt<2>(information + prior_information()).solve<2>(Eigen::Matrix2d::Identity());
-  return out;
-}
-
-// With C the covariance if the levels were known, and U that of their logarithms: what their errors add
-// (Kenward and Roger 1997), and the freedom that they leave (Satterthwaite 1946, a mean over all directions
-// of the tangent),
-//     C + 2 C (sum_lm U_lm (Q_lm - M_l C M_m)) C,   2 k (k + 2) / sum_lm U_lm (tr G_l tr G_m + 2 tr G_l G_m),
-// M_l = J'W V_l W J, Q_lm = J'W V_l W V_m W J, G_l = C M_l, V_px + V_mm = V.
-template <int kParameters>
-LikelihoodCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit, NoiseLevels known) {
-  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
-  const Variances levels = variances(noise.normalisation(), fit.levels);
-  const Pass pass = pass_over(noise, fit.transform, levels, 1, true);
-  const LevelScore<kParameters> of = level_score<kParameters>(pass, fit.transform, levels);
-  const Eigen::Matrix2d unsure = unsure_levels(of.information, known);
-  const Ldlt<kParameters> information(Matrix(fit.information));
-  const Matrix identity = Matrix::Identity(), covariance = information.solve(identity);
-  const Matrix parts[2] = {of.shares, identity - of.shares};  // G_l
-  const Matrix squares = information.solve(squared_shares<kParameters>(noise, fit.transform, levels));
-  const Matrix both[2][2] = {{squares, of.shares - squares},
-                             {of.shares - squares, identity - 2.0 * of.shares + squares}};  // C Q_lm
-  Matrix added = Matrix::Zero();
-  double sum = 0;
-  for (int l = 0; l < 2; ++l)
-    for (int m = 0; m < 2; ++m) {
-      added += 2.0 * unsure(l, m) * (both[l][m] - product(parts[l], parts[m]));
-      sum += unsure(l, m) *
-             (parts[l].trace() * parts[m].trace() + 2.0 * parts[l].cwiseProduct(parts[m].transpose()).sum());
-    }
-  const double spare = pass.residuals - kParameters;
-  double freedom = std::numeric_limits<double>::infinity();
-  if (sum > 0) freedom = std::min(2.0 * kParameters * (kParameters + 2) / sum, spare);
-  const Matrix matrix = covariance + product(added, covariance);
-  return {0.5 * (matrix + matrix.transpose()), freedom,
-          information.least_pivot() > kFreeMotion * information.greatest_pivot()};
-}
-
-}  // namespace
-
-LikelihoodCovariance covariance_of(const MixedNoise& noise, const LikelihoodFit& fit, Model model,
-                                   NoiseLevels known) {
-  switch (model) {
-    case Model::kScaleKnown:
-      return covariance_as<6>(noise, fit, known);
-    case Model::kSimilarity:
-      return covariance_as<7>(noise, fit, known);
-    default:
-      return covariance_as<8>(noise, fit, known);
-  }
-}
 
 template <class Noise>
 LikelihoodFit maximise_likelihood(const Noise& noise, const Transform& start, Model model,

@@ -14,16 +14,6 @@ struct LikelihoodFit {
   bool converged = false;
 };
 
-struct LikelihoodCovariance {
-  TangentMatrix matrix;  // normalised tangent
-  double freedom;        // degrees of freedom that it is known with
-  bool determined;       // no motion is free
-};
-
-// Of a fit, with the levels' own errors where they were estimated.
-LikelihoodCovariance covariance_of(const MixedNoise& noise, const LikelihoodFit& fit, Model model,
-                                   NoiseLevels known);
-
 // All of these are compiled for a `NoiseModel` and for a `MixedNoise`.
 
 // From a start to the maximum of the likelihood. A level that is zero is estimated, by restricted maximum

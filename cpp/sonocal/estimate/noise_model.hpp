@@ -1,6 +1,7 @@
 // What pixel noise and tracking noise make of the residuals of points to their needles.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "sonocal/estimate/point_lines.hpp"
@@ -25,6 +26,10 @@ struct Variances {
   double px = 0;
   double mm = 0;
 };
+
+inline Variances variances(const Normalisation& n, NoiseLevels levels) {
+  return {std::pow(levels.px / n.image_size, 2), std::pow(levels.mm / n.size, 2)};
+}
 
 // Rows whose two residuals are independent of each other and of all others' at a transform: residual[k] has
 // the variance px alpha[k] + mm beta[k], whose inverse is weight[k].
