@@ -172,6 +172,41 @@ def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float 
     return replace(_rows(samples.placed(np.zeros((3 * len(source), 3))), target, 3), samples=samples)
 
 
+def rows_of_spanned(sightings: SpannedRows) -> Rows:
+    """Sightings as rows: a point of each in as many planes as meet in its target.
+
+    Source: paper section 5.1.
+    """
+    count, sizes = len(sightings), np.diff(sightings.first)
+    planes = np.zeros((count, 3, 4))
+    for spans in (1, 2, 3):
+        chosen = sightings.spans == spans
+        planes[chosen, : 4 - spans] = _planes_through(sightings.spanning[chosen, :spans])
+    each = (4 - sightings.spans)[np.repeat(np.arange(count), sizes)]
+    point = np.repeat(np.arange(len(sightings.points)), each)
+    which = np.arange(len(point)) - np.repeat(np.cumsum(each) - each, each)
+    of_point = np.repeat(np.arange(count), sizes)[point]
+    first = np.concatenate([[0], np.cumsum(sizes * (4 - sightings.spans))]).astype(np.int32)
+    return Rows(
+        np.ascontiguousarray(sightings.points[point]),
+        np.ascontiguousarray(planes[of_point, which]),
+        first,
+        spanned=sightings,
+    )
+
+
+def _planes_through(points: Array) -> Array:
+    """(C, 4 - K, 4): planes that meet in what K points (C, K, 3) span."""
+    if points.shape[1] == 1:
+        normals = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    elif points.shape[1] == 2:
+        return planes_of_lines(points)
+    else:
+        across = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+        normals = (across / np.linalg.norm(across, axis=1, keepdims=True))[:, None]
+    return np.concatenate([normals, -(normals @ points[:, 0, :, None])], axis=-1)
+
+
 def rows(*parts: Rows) -> Rows:
     """All rows of several kinds of correspondence.
 

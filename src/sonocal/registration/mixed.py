@@ -96,7 +96,12 @@ def maximise(rows: SpannedRows, start: Similarity, options: Options, told: Told)
 def _weighed(rows: SpannedRows, weights: Array) -> SpannedRows:
     """Deviations of distances are of all that moves a point from its target."""
     sigma = 1.0 / weights
-    return replace(rows, sigma_mm=sigma, sigma_px=np.ascontiguousarray(np.repeat(sigma, np.diff(rows.first))))
+    of_points = np.repeat(sigma, np.diff(rows.first))
+    return replace(
+        rows,
+        sigma_mm=sigma if rows.sigma_mm is None else sigma * rows.sigma_mm,
+        sigma_px=of_points if rows.sigma_px is None else of_points * rows.sigma_px,
+    )
 
 
 def _covariance(found: _core.Estimate, *, scale_known: bool) -> Covariance | None:
