@@ -305,6 +305,15 @@ def test_without_an_image_size_the_face_must_be_told(slow):
     assert np.linalg.norm(found.probe_from_image @ corners - mapped(slow.truth, corners), axis=1).max() < 1.0
 
 
+def test_rows_of_points_are_refused(slow):
+    rows = table(slow)
+    spanning = np.full((len(rows), 3, 3), np.nan)
+    spanning[:, 0] = rows.segments_mm[:, 0]
+    mixed = sc.Observations.of_targets(rows.points_px, spanning)
+    with pytest.raises(sc.UnsupportedError, match="for needles and wires alone"):
+        sc.calibrate(mixed, image_size_px=image_size(slow), **GIVEN)
+
+
 def test_too_few_rows_to_tell_a_speed_are_refused():
     scan = fan_scan(5, 4, 2, 1.0, still=True)
     with pytest.raises(sc.SonocalError, match="speed of sound"):

@@ -9,10 +9,11 @@ from typing import Unpack
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
-from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
+from sonocal.calibration.few_targets import few_fixed_targets
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.left_out import left_out_findings
+from sonocal.calibration.mixed import calibrate_mixed
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.repeated import fit_distinct
@@ -35,7 +36,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     """Calibrate a probe from sightings of a needle or of wires.
 
     Args:
-        observations: one point of the image against one line in the probe marker's frame a row.
+        observations: one point of the image against one line in the probe marker's frame a row, or against a point
+            or a plane.
         **options: any of the following, by name.
 
             How rows are fitted:
@@ -90,7 +92,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     if asked.sound_speed_m_s is not None:
         return calibrate_through_sound(observations, asked, calibrate)
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
-
+    if not given.lines_only:
+        return calibrate_mixed(given, held_out, asked)
     # The transform that most rows agree with, refined on those that do.
     with explained(given, asked):
         rows, (table, fit, mirrored), repeated = fit_distinct(given, asked)
@@ -121,7 +124,6 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     # What to know before use, looked for when it is first read.
     looks = (
-        partial(few_targets_finding, few),
         partial(fit_findings, found, mapped, fit, rival, groupings),
         partial(left_out_findings, table, fit, used, found.accepted),
         partial(area_findings, found, rows.points_px[fit.inlier]),

@@ -19,7 +19,7 @@ from sonocal.calibration.sound_options import OF_SOUND
 from sonocal.calibration.sound_told import sound_findings
 from sonocal.calibration.speed import SPEEDS_M_S, Asked, Rays, Speed, speed_of
 from sonocal.calibration.widened import widened
-from sonocal.errors import InputError
+from sonocal.errors import InputError, UnsupportedError
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array, area_places
 from sonocal.observations import Observations
@@ -51,8 +51,14 @@ def calibrate_through_sound(observations: Observations, asked: Options, calibrat
     Raises:
         SonocalError: as `calibrate`.
         InputError: the middle of the probe's face is not known, or no row is left to tell the speed from.
+        UnsupportedError: rows are of points or planes.
     """
     plain, rows = asked.without_sound(), split_rows(observations, asked.fit_split, asked.test_split)[0]
+    if not rows.lines_only:
+        raise UnsupportedError(
+            f"{rows.source}: has rows of points or planes, and another speed of sound is corrected for needles and "
+            "wires alone; leave such rows out, or scan in a bath of the speed that the scanner assumes"
+        )
     rays = _rays(asked, rows)
     with explained(rows, plain):
         speed = speed_of(rows, plain, rays)
