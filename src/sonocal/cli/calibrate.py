@@ -87,7 +87,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
         "sonocal calibrate sweep.igs.mha --lines needle.toml -o calibration",
         "sonocal calibrate sweep.igs.mha --lines needle.toml --points points.csv -o from-points",
         "sonocal calibrate needle.csv --test-split test --scanner-mm-per-px 0.24 -o held-out",
-        "sonocal calibrate bath.csv --probe-radius-mm 60 --sound-speed 1482 -o in-water",
+        "sonocal calibrate needle.csv --probe-radius-mm 60 --sound-speed 1482 -o in-water",
         "sonocal calibrate - -o piped < needle.csv",
     ),
 )
