@@ -118,8 +118,9 @@ def judged(seed: int, kind: str, ratio: float) -> Judged:
         "with mm/px": calibrated(scan, **told, sound_speed_m_s="estimate", scanner_mm_per_px=mm_per_px),
     }
     sounds = {name: sound_of(found[name]) for name in METHODS[2:]}
-    halves = {name: (one.by_rows_m_s[1] - one.by_rows_m_s[0]) / 2 for name, one in sounds.items()}
+    halves = {name: half_width(one) for name, one in sounds.items()}
     p_value = sounds["estimated"].p_value
+    assert p_value is not None
     warned = {one.code for one in found["estimated"].warnings}
     return Judged(
         tissue_mm={name: rms(tissue_errors(one, scan)) for name, one in found.items()},
@@ -141,6 +142,12 @@ def sound_of(found: Calibration) -> Sound:
     """What it knows of the speed."""
     assert found.sound is not None
     return found.sound
+
+
+def half_width(sound: Sound) -> float:
+    """Of its interval, m/s."""
+    assert sound.by_rows_m_s is not None
+    return (sound.by_rows_m_s[1] - sound.by_rows_m_s[0]) / 2
 
 
 def calibrated(scan: Scan, **options: Any) -> Calibration:

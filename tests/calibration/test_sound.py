@@ -318,3 +318,7 @@ def test_too_few_rows_to_tell_a_speed_are_refused():
     scan = fan_scan(5, 4, 2, 1.0, still=True)
     with pytest.raises(sc.SonocalError, match="speed of sound"):
         found_in(scan, **ESTIMATED)
+    found = found_in(scan, probe_radius_mm=RADIUS_MM, sound_speed_m_s=1500.0)
+    assert found.sound.by_rows_m_s is None
+    assert parse_calibration(calibration_json(found), "found.json").sound == found.sound
+    assert "1500 m/s as given" in next(one.message for one in found.diagnostics if one.code == "sound-speed")

@@ -26,7 +26,8 @@ class Sound:
         speed_m_s: in what was scanned, given or estimated.
         assumed_m_s: by the scanner.
         estimated: from the rows; else it was given.
-        by_rows_m_s: what the rows say of it, with the scanner's mm/px where those are known: least and most (95 %).
+        by_rows_m_s: what the rows say of it, with the scanner's mm/px where those are known: least and most (95 %);
+            None: no row is to spare that would tell.
         p_value: how often chance does as much where the assumed speed is the right one; of a given one, where that is.
         probe_radius_mm: of the face.
         face_px: (d,), its middle in the image.
@@ -39,8 +40,8 @@ class Sound:
     speed_m_s: float
     assumed_m_s: float
     estimated: bool
-    by_rows_m_s: tuple[float, float]
-    p_value: float
+    by_rows_m_s: tuple[float, float] | None
+    p_value: float | None
     probe_radius_mm: float
     face_px: tuple[float, ...]
     radius_px: float

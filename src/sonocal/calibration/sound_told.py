@@ -18,7 +18,7 @@ APART = 3.3
 WIDEST_M_S = SPEEDS_M_S[1] - SPEEDS_M_S[0]
 
 
-def sound_findings(sound: Sound, asked: Asked, by: str, *, default_face: bool) -> Iterator[Diagnostic]:
+def sound_findings(sound: Sound, asked: Asked | None, by: str, *, default_face: bool) -> Iterator[Diagnostic]:
     """What the speed of sound does to the answer, and what speaks against it.
 
     Args:
@@ -28,7 +28,8 @@ def sound_findings(sound: Sound, asked: Asked, by: str, *, default_face: bool) -
         default_face: nobody said where the probe's face is in the image.
     """
     yield from _doubts(sound, by)
-    yield from _disagreement(sound, asked)
+    if asked is not None:
+        yield from _disagreement(sound, asked)
     face = f"{_place(sound.face_px)} px" + (
         " (by default, the middle of the image's top row)" if default_face else ""
     )
@@ -50,16 +51,18 @@ def sound_findings(sound: Sound, asked: Asked, by: str, *, default_face: bool) -
 
 def _speed(sound: Sound, by: str) -> str:
     at = f"sound ran at {sound.speed_m_s:.0f} m/s"
-    if not sound.estimated:
+    if not sound.estimated or sound.by_rows_m_s is None or sound.p_value is None:
         return f"{at} as given, where the scanner assumes {sound.assumed_m_s:.0f}"
     low, high = sound.by_rows_m_s
     known = f"{at} by {by} ({low:.0f} to {high:.0f}, 95 %)"
     if sound.p_value < TOLD:
-        return f"{known} and not at the {sound.assumed_m_s:.0f} that the scanner assumes ({_chance(sound)})"
+        return f"{known} and not at the {sound.assumed_m_s:.0f} that the scanner assumes ({_chance(sound.p_value)})"
     return f"{known}, which cannot be told from the {sound.assumed_m_s:.0f} that the scanner assumes"
 
 
 def _doubts(sound: Sound, by: str) -> Iterator[Diagnostic]:
+    if sound.by_rows_m_s is None or sound.p_value is None:
+        return
     low, high = sound.by_rows_m_s
     if sound.estimated and not SPEEDS_M_S[0] < round(sound.speed_m_s, 6) < SPEEDS_M_S[1]:
         yield _doubtful(
@@ -75,7 +78,7 @@ def _doubts(sound: Sound, by: str) -> Iterator[Diagnostic]:
     elif not sound.estimated and sound.p_value < SURE:
         yield _doubtful(
             f"sound is given as {sound.speed_m_s:.0f} m/s, and {by} speak for {low:.0f} to {high:.0f} (95 %; "
-            f"{_chance(sound)})",
+            f"{_chance(sound.p_value)})",
             "check the bath's temperature and what is in it, and the probe's radius; or say \"estimate\"",
         )
 
@@ -94,8 +97,8 @@ def _doubtful(message: str, advice: str) -> Diagnostic:
     return Diagnostic(code="sound-speed-doubtful", severity="warning", message=message, advice=advice)
 
 
-def _chance(sound: Sound) -> str:
-    return f"by chance once in {1 / max(sound.p_value, 1e-6):.0f} scans"
+def _chance(p_value: float) -> str:
+    return f"by chance once in {1 / max(p_value, 1e-6):.0f} scans"
 
 
 def _place(point: tuple[float, ...]) -> str:

@@ -84,9 +84,19 @@ class Rays:
         """The rays in an image at the transform's mm/px."""
         return Fan(self.face_px, self.radius_mm / float(transform.scales[0]))
 
-    def stepped(self, ratio: float, size: float) -> float:
-        """The ratio without that much of a stretch too many."""
-        return float(np.clip(ratio - size, *self.bounds)) if self.ratio is None else ratio
+    def stepped(self, ratio: float, left: Asked | None) -> float:
+        """The ratio without the stretch that is left; one that is given stays.
+
+        Raises:
+            InputError: it is to be estimated, and no row tells.
+        """
+        if self.ratio is not None:
+            return ratio
+        if left is None:
+            raise InputError(
+                "no row is left over to tell the speed of sound from; scan more needle poses, or give the speed"
+            )
+        return float(np.clip(ratio - left.size, *self.bounds))
 
     def heard(self, rows: Distortion, fit: Fit) -> Asked:
         """What rows and the scanner's mm/px, where it says any, ask for together.
@@ -121,13 +131,13 @@ class Speed:
     Attributes:
         ratio: of the true to the assumed speed, given or estimated.
         fan: the rays in the image.
-        left: what is asked for still: of an estimate no size.
+        left: what is asked for still: of an estimate no size; None: no row is to spare that would tell.
         ignored: the transform of the rows as they are.
     """
 
     ratio: float
     fan: Fan
-    left: Asked
+    left: Asked | None
     ignored: AxisScaled
 
     def corrected(self, rows: Observations) -> Observations:
@@ -164,15 +174,15 @@ def speed_of(rows: Observations, plain: Options, rays: Rays) -> Speed:
     return found
 
 
-def _settled(rows: Observations, fit: Fit, rays: Rays, ratio: float) -> tuple[float, Fan, Asked]:
+def _settled(rows: Observations, fit: Fit, rays: Rays, ratio: float) -> tuple[float, Fan, Asked | None]:
     """The ratio at which the rows that agree ask for no further stretch, or as it is given."""
     transform, least = fit.transform, _Stretched(rows, fit)
     for _ in range(STEPS):
         fan = rays.fan(transform)
         refined, rows_ask = least.at(fan, ratio, transform)
-        transform, left = refined.transform, rays.heard(rows_ask, refined)
+        transform, left = refined.transform, None if rows_ask is None else rays.heard(rows_ask, refined)
         before = np.array([ratio, fan.radius_px])
-        ratio = rays.stepped(ratio, left.size)
+        ratio = rays.stepped(ratio, left)
         if np.all(np.abs(before - [ratio, rays.fan(transform).radius_px]) < REST * before):
             break
     return ratio, fan, left
@@ -190,12 +200,12 @@ class _Stretched:
         self.points_px, self.table, self.fit = rows.points_px, point_line_rows(rows), fit
         self.groups: list[NDArray[np.int64]] = list(groupings_of(self.table, rows).labels.values())
 
-    def at(self, fan: Fan, ratio: float, start: AxisScaled) -> tuple[Fit, Distortion]:
+    def at(self, fan: Fan, ratio: float, start: AxisScaled) -> tuple[Fit, Distortion | None]:
         """The fit at a ratio, and what the rows say of a further stretch."""
         table = replace(self.table, points=homogeneous_points(fan.stretched(self.points_px, ratio)))
         fit = self.fit
         refined = refine_point_lines(start, table, fit.inlier, fit.levelled)
-        left = likeliest_distortion(
+        return refined, likeliest_distortion(
             MappedRows(refined.transform, table),
             fit.inlier,
             {"rays": homogeneous_points(fan.below_face(self.points_px))},
@@ -203,8 +213,3 @@ class _Stretched:
             parameters=len(fit.covariance),
             groups=self.groups,
         )
-        if left is None:
-            raise InputError(
-                "no row is left over to tell the speed of sound from; scan more needle poses, or give the speed"
-            )
-        return refined, left

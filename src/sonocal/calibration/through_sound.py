@@ -64,7 +64,7 @@ def calibrate_through_sound(observations: Observations, asked: Options, calibrat
         speed = speed_of(rows, plain, rays)
     right = speed.corrected(observations)
     found = calibrate(right, **{one.name: getattr(plain, one.name) for one in fields(Options)})
-    if rays.ratio is None and found.covariance is not None:
+    if rays.ratio is None and found.covariance is not None and speed.left is not None:
         found = widened(found, speed.left.covariance(found.covariance), speed.corrected(rows))
     area = _area_as_scanned(found, rows)
     sound = _sound(found, speed, asked, area)
@@ -80,7 +80,7 @@ def calibrate_through_sound(observations: Observations, asked: Options, calibrat
 
 
 def _told(
-    found: Calibration, sound: Sound, rows: Observations, how: tuple[Options, Asked]
+    found: Calibration, sound: Sound, rows: Observations, how: tuple[Options, Asked | None]
 ) -> list[Diagnostic]:
     """The findings: what lies outside of the image is told by where it was seen."""
     told = [one for one in found.diagnostics if one.code != "outside-image"]
@@ -141,12 +141,11 @@ def _box(points: Array) -> Array:
 
 def _sound(found: Calibration, speed: Speed, asked: Options, area: Array) -> Sound:
     """What is kept of the speed, and how far the answer is off without it."""
-    from scipy.special import stdtr
-
-    assumed, fan, left = asked.assumed_sound_speed_m_s, speed.fan, speed.left
-    estimated, by_rows = asked.sound_speed_m_s == "estimate", speed.ratio - left.size
-    half = quantile_95(left.freedom) * left.deviation
-    away = abs(speed.ratio - 1.0 if estimated else left.size) / left.deviation
+    assumed, fan = asked.assumed_sound_speed_m_s, speed.fan
+    estimated = asked.sound_speed_m_s == "estimate"
+    by_rows, p_value = None, None
+    if speed.left is not None:
+        by_rows, p_value = _said_by_rows(speed, speed.left, assumed, estimated=estimated)
     nearest, off = nearest_similarity(
         lambda points: found.probe_from_image @ fan.stretched(points, speed.ratio), area
     )
@@ -157,8 +156,8 @@ def _sound(found: Calibration, speed: Speed, asked: Options, area: Array) -> Sou
         speed_m_s=assumed * speed.ratio,
         assumed_m_s=assumed,
         estimated=estimated,
-        by_rows_m_s=(assumed * (by_rows - half), assumed * (by_rows + half)),
-        p_value=float(2.0 * stdtr(left.freedom, -away)),
+        by_rows_m_s=by_rows,
+        p_value=p_value,
         probe_radius_mm=asked.probe_radius_mm,
         face_px=fan.face_px,
         radius_px=fan.radius_px,
@@ -167,3 +166,15 @@ def _sound(found: Calibration, speed: Speed, asked: Options, area: Array) -> Sou
         ignored_mm=float(moved.max()),
         ignored_at_px=tuple(corners[int(moved.argmax())].tolist()),
     )
+
+
+def _said_by_rows(
+    speed: Speed, left: Asked, assumed_m_s: float, *, estimated: bool
+) -> tuple[tuple[float, float], float]:
+    """The interval (95 %), m/s, and how often chance does as much: of an estimate at the assumed speed."""
+    from scipy.special import stdtr
+
+    ratio, half = speed.ratio - left.size, quantile_95(left.freedom) * left.deviation
+    away = abs(speed.ratio - 1.0 if estimated else left.size) / left.deviation
+    interval = (assumed_m_s * (ratio - half), assumed_m_s * (ratio + half))
+    return interval, float(2.0 * stdtr(left.freedom, -away))
