@@ -84,6 +84,16 @@ def test_rows_beyond_the_threshold_that_was_used_are_marked(threshold_mm):
     assert drawn[f"beyond {found.threshold_mm:g} mm"] == len(rows) - found.fit.inliers
 
 
+def test_the_rms_is_on_the_axis_where_all_rows_are_far_off():
+    from matplotlib.figure import Figure
+
+    rows, _ = scans()["outliers"]
+    found = sc.calibrate(rows)
+    axis = Figure().add_subplot()
+    plot_residuals_by_frame(axis, found, dataclasses.replace(rows, segments_mm=rows.segments_mm + 500.0))
+    assert found.fit.rms_mm < axis.get_ylim()[1]
+
+
 def test_figures_of_a_file_read_back_are_the_same():
     from matplotlib.figure import Figure
 
