@@ -13,6 +13,7 @@ import numpy as np
 from sonocal.calibration import Calibration
 from sonocal.calibration.diagnostics import describe_motion
 from sonocal.errors import UnsupportedError, require
+from sonocal.findings import Diagnostic
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import scale_95, weakest_motion
@@ -71,7 +72,8 @@ def report_html(
         comparison=comparison,
         errors=_errors(calibration),
         standing=(CANNOT_SHOW, cannot_show(calibration)),
-        findings=[*calibration.diagnostics, *(validation.diagnostics if validation else ())],
+        reasons=list(zip(verdict.codes, verdict.reasons, strict=True)),
+        findings=_beside_the_verdict(calibration, validation),
         figures=drawn,
         pictures=pictures,
         matrix=calibration.probe_from_image.matrix,
@@ -80,6 +82,12 @@ def report_html(
         provenance=_provenance(calibration, validation),
         made=made,
     )
+
+
+def _beside_the_verdict(calibration: Calibration, validation: Validation | None) -> list[Diagnostic]:
+    """What was found and is no reason of the verdict: of that, the verdict tells every warning."""
+    found = [*calibration.diagnostics, *(validation.diagnostics if validation else ())]
+    return [finding for finding in found if finding.severity != "warning"]
 
 
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:
