@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from sonocal.calibration import Calibration, line_distances
+from sonocal.existing.fitting import Rereading, fitting, in_words
 from sonocal.existing.matrix import Existing
-from sonocal.existing.rereadings import Rereading, fitting, in_words, rereadings
+from sonocal.existing.rereadings import rereadings
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.validation import Quantity
@@ -20,8 +21,7 @@ __all__ = ["misread", "misread_finding"]
 def misread(
     existing: Existing,
     rows: Observations,
-    own: Calibration | None,
-    theirs: Sequence[Quantity],
+    own: Calibration,
     ours: Sequence[Quantity],
 ) -> list[Rereading]:
     """What a matrix may be instead, by one usual mistake: of several, the rows do not tell which.
@@ -30,32 +30,32 @@ def misread(
         existing: the matrix.
         rows: that both were measured on.
         own: our calibration of them.
-        theirs: what was measured of the matrix, the error on the rows first.
-        ours: the same of our calibration.
+        ours: what was measured of our calibration, its error on the rows first.
     """
-    if own is None or not theirs or not ours:
+    if not ours:
         return []
     scale = float(own.probe_from_image.scales[:2].mean())
     ways = rereadings(existing, rows.dimension, rows.image_size_px, scale)
     return fitting(
         ways,
         lambda matrix: _rms_mm(replace(existing, matrix=matrix), rows),
-        theirs[0].value_mm,
+        _rms_mm(existing, rows),
         ours[0].value_mm,
     )
 
 
 def misread_finding(
-    existing: Existing, rows: Observations, found: Sequence[Rereading], theirs: Quantity, ours: Quantity
+    existing: Existing, rows: Observations, found: Sequence[Rereading], ours: Quantity
 ) -> Diagnostic:
     """What it is, how far off as it was read and read so, and what to do."""
     words, advice = in_words(found)
+    as_read = _rms_mm(existing, rows)
     so = max(_rms_mm(one.of(existing), rows) for one in found)
     return Diagnostic(
         code="misread-matrix",
         severity="warning",
         message=(
-            f"{existing.said} {words}: as it was read it is off by {theirs.value_mm:.2f} mm on these rows, read so by "
+            f"{existing.said} {words}: as it was read it is off by {as_read:.2f} mm on these rows, read so by "
             f"{so:.2f} mm, and our own calibration by {ours.value_mm:.2f} mm"
         ),
         advice=advice,

@@ -26,6 +26,9 @@ from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["report_html"]
 
+# A title, the names of the numbers (mm), a place in px and the numbers there, sentences.
+Difference = tuple[str, Sequence[str], Sequence[tuple[str, Sequence[str]]], Sequence[str]]
+
 
 def report_html(
     calibration: Calibration,
@@ -33,6 +36,8 @@ def report_html(
     validation: Validation | None = None,
     *,
     comparison: Comparison | None = None,
+    other: str = "",
+    differences: Sequence[Difference] = (),
     frames: Sequence[FrameImage] = (),
     title: str = "Probe calibration",
 ) -> bytes:
@@ -43,6 +48,8 @@ def report_html(
         observations: the rows it was fitted to, and held-out ones; without them there are no residual figures.
         validation: its numbers.
         comparison: with another calibration.
+        other: what that one is called, such as its file.
+        differences: from matrices of other software.
         frames: images to show, with detections and needles.
         title: of the page.
 
@@ -69,6 +76,8 @@ def report_html(
         cal=calibration,
         validation=validation,
         comparison=comparison,
+        other=other,
+        differences=differences,
         errors=_errors(calibration),
         standing=(CANNOT_SHOW, cannot_show(calibration)),
         findings=[*calibration.diagnostics, *(validation.diagnostics if validation else ())],
