@@ -143,12 +143,17 @@ def test_of_two_matrices_each_is_judged_by_ours(folder, judged, other, named):
     assert said.startswith("The matrix of" if judged != "right" else "On needle.csv, the matrix of right.txt")
 
 
-def test_on_points_a_matrix_is_judged_by_the_calibration_that_it_is_compared_with(folder):
-    points = ("validate", folder / "inverse.txt", folder / "wire.csv")
-    assert record(*points)["rereadings"] == []
-    found = record(*points, "--compare", folder / "calibration.json")
+def test_points_tell_of_a_matrix_and_few_of_them_leave_it_to_the_calibration_beside_it(folder, tmp_path):
+    found = record("validate", folder / "inverse.txt", folder / "wire.csv")
     assert [one["name"] for one in found["rereadings"]] == ["inverse"]
-    assert found["diagnostics"][0]["code"] == "misread-matrix"
+    assert found["diagnostics"][0]["severity"] == "warning"
+    assert found["sentence"].endswith("on these points, read so by 0.00 mm: give --stored-as inverse.")
+    lines = (folder / "wire.csv").read_text().splitlines()
+    (tmp_path / "few.csv").write_text("\n".join(lines[:3]))
+    few = ("validate", folder / "inverse.txt", tmp_path / "few.csv")
+    assert record(*few)["rereadings"] == []
+    found = record(*few, "--compare", folder / "calibration.json")
+    assert [one["name"] for one in found["rereadings"]] == ["inverse"]
     assert f"mm from {folder / 'calibration.json'}, read so 0." in found["sentence"]
 
 

@@ -76,6 +76,13 @@ def test_any_disguise_is_undone_to_within_what_ours_is_known_to(disguise, seed):
     assert way.words in beside.difference.because
 
 
+@pytest.mark.parametrize("disguise", sorted(DISGUISES.keys() - OF_IMAGES))
+def test_beside_a_calibration_of_a_volume_a_disguise_is_named_as_well(disguise):
+    calibration, truth = scanned(2, dimension=3)
+    hidden, form, _, name = DISGUISES[disguise]
+    assert [one.name for one in agreeing(as_read(hidden(truth), form), calibration)] == [name]
+
+
 @pytest.mark.parametrize("scan", [{"noise": 0.0}, {}, {"dimension": 3}, {"count": 12, "noise": 4.0}])
 @pytest.mark.parametrize("seed", range(50))
 def test_a_matrix_that_agrees_is_never_accused_however_rough(seed, scan):

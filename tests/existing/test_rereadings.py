@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from sonocal.existing import Existing
 from sonocal.existing.fitting import fitting, in_words
 from sonocal.existing.rereadings import rereadings
-from sonocal.existing.worth import Said, worth_of
+from sonocal.existing.worth import Said, worth_of, worth_on_points
 from sonocal.simulation.scene import simulate_observations
+from sonocal.validation import PointSightings
 from tests.builders.disguises import DISGUISES, INVERSE, LPS, OF_IMAGES, SIZE, as_read, flipped
 from tests.builders.similarities import random_similarity
 
@@ -104,3 +105,52 @@ def test_a_volume_whose_axes_are_exchanged_is_named(seed):
         worth = worth_of(Existing("a.txt", "4 x 4", "", matrix), made.observations)
         one, other = ("uvw"[i] for i, k in enumerate(axes[:3]) if i != k)
         assert f"{one} and {other} are exchanged" in worth.diagnostics[0].message
+
+
+# What points alone do not tell: how large the image is, and its mm/px where the matrix has none.
+UNTOLD = {
+    "u mirrored",
+    "v mirrored",
+    "half a turn",
+    "px for mm",
+    "px for mm, as Slicer stores it",
+}
+
+
+def touched(truth, seed, count=12, off_mm=1.0):
+    """Points of the image, and where a stylus that is off by as much found them."""
+    rng = np.random.default_rng(seed)
+    pixels = rng.uniform((0, 0), SIZE, (count, 2))
+    places = pixels @ truth[:3, :2].T + truth[:3, 3] + rng.normal(size=(count, 3)) * off_mm / np.sqrt(3)
+    return PointSightings(pixels, places, source="wire.csv")
+
+
+@pytest.mark.parametrize("disguise", sorted(DISGUISES.keys() - UNTOLD))
+@pytest.mark.parametrize("seed", range(3))
+def test_points_that_are_known_name_a_disguise(disguise, seed):
+    truth = random_similarity(seed, 0.2).matrix
+    hidden, form, words, name = DISGUISES[disguise]
+    worth = worth_on_points(as_read(hidden(truth), form), touched(truth, seed))
+    assert name in [one.name for one in worth.rereadings]
+    assert words in worth.sentence
+    assert worth.diagnostics[0].code == "misread-matrix"
+    if worth.reread is not None:
+        assert [one.title for one in worth.reread_quantities] == ["PRA, cross-wire, read so"]
+        assert worth.reread_quantities[0].value_mm < 2
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_points_never_accuse_a_matrix_that_is_true_however_rough_they_are(seed):
+    truth = random_similarity(seed, 0.2).matrix
+    for off_mm in (0.0, 1.0, 4.0):
+        worth = worth_on_points(as_read(truth, "direct"), touched(truth, seed, off_mm=off_mm))
+        assert worth.rereadings == ()
+        assert worth.diagnostics == ()
+
+
+@given(seed=seeds)
+def test_points_name_nothing_of_a_marker_that_was_moved_nor_do_three_of_them(seed):
+    truth, moved = random_similarity(seed, 0.2).matrix, random_similarity(seed + 1, 0.2).matrix
+    assert worth_on_points(as_read(moved, "direct"), touched(truth, seed)).rereadings == ()
+    inverse = as_read(INVERSE(truth), "direct")
+    assert worth_on_points(inverse, touched(truth, seed, count=3)).rereadings == ()

@@ -97,30 +97,14 @@ def validate_existing(
     from sonocal.cli.matrix_report import matrix_report_files
     from sonocal.cli.screen.existing import print_worth
     from sonocal.existing.compared import worth_compared
-    from sonocal.existing.worth import worth_of, worth_on_points
 
     for option, instead in OF_OURS.items():
         if wrong := typed((option,)):
             raise click.UsageError(f"{wrong[0]} is for calibration.json; of {existing.file} {instead}")
-    if measured.points is not None:
-        worth = worth_on_points(existing, measured.points)
-        seen = measured.points.points_px
-    else:
-        rows = measured.sightings
-        seen = rows.points_px
-        worth = worth_of(
-            existing,
-            rows,
-            split=split,
-            nwires=measured.nwires,
-            own=measured.own,
-            said=_said(scanner_mm_per_px, measured),
-        )
-        if measured.recording is not None:
-            worth = replace(worth, source=measured.recording.name)
-    area = _box(seen) if worth.own is None else worth.own.area_px
+    worth = _measured(existing, measured, split, scanner_mm_per_px)
     beside = None
     if other is not None:
+        area = _seen(measured) if worth.own is None else worth.own.area_px
         worth, beside = worth_compared(worth, other, area, name)
     against = {} if beside is None else {called(other, name): beside.difference}
     files = {} if page is None else matrix_report_files(worth, against, name=page.name)
@@ -134,6 +118,25 @@ def validate_existing(
         say(f"Wrote {page}")
 
 
+def _measured(
+    existing: Existing, measured: Measured, split: str | None, scanner_mm_per_px: float | None
+) -> Worth:
+    """What a matrix is worth on INPUT."""
+    from sonocal.existing.worth import worth_of, worth_on_points
+
+    if measured.points is not None:
+        return worth_on_points(existing, measured.points)
+    worth = worth_of(
+        existing,
+        measured.sightings,
+        split=split,
+        nwires=measured.nwires,
+        own=measured.own,
+        said=_said(scanner_mm_per_px, measured),
+    )
+    return worth if measured.recording is None else replace(worth, source=measured.recording.name)
+
+
 def _said(scanner_mm_per_px: float | None, measured: Measured) -> Said | None:
     """What the user says of the mm/px, or else the recording."""
     from sonocal.existing.worth import Said
@@ -145,10 +148,12 @@ def _said(scanner_mm_per_px: float | None, measured: Measured) -> Said | None:
     return None if stated is None else Said(stated.mm_per_px, f"the recording ({stated.where})")
 
 
-def _box(points_px: Any) -> Any:
+def _seen(measured: Measured) -> Any:
+    """(2, d) px: what was seen of the image."""
     import numpy as np
 
-    return np.array([points_px.min(axis=0), points_px.max(axis=0)])
+    points = measured.points.points_px if measured.points is not None else measured.sightings.points_px
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def _record(worth: Worth, other: Calibration | Existing | None, beside: Compared | None) -> dict[str, Any]:

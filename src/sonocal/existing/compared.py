@@ -52,8 +52,8 @@ def worth_compared(
 ) -> tuple[Worth, Compared]:
     """A matrix that was measured against another calibration; with it, what is found of the two.
 
-    A matrix is compared with our own calibration of the rows, to tell whether it was misread; without one, the matrix
-    that was measured is with the other, where that is a calibration of ours.
+    A matrix is compared with our own calibration of the rows, to tell whether it was misread. Where neither rows nor
+    points told it of the matrix that was measured, a calibration of ours beside it does.
 
     Args:
         worth: of the matrix that was measured.
@@ -65,7 +65,8 @@ def worth_compared(
     if isinstance(other, Existing) and worth.own is not None:
         ways = agreeing(other, worth.own)
         worth = _with(worth, _of_the_other(worth, other, ways, worth.own)) if ways else worth
-    if isinstance(other, Calibration) and worth.own is None and (found := agreeing(worth.existing, other)):
+    known = worth.own is not None or worth.rereadings  # by rows or points, which say more
+    if isinstance(other, Calibration) and not known and (found := agreeing(worth.existing, other)):
         told = misread_against(worth.existing, found, other, name)
         worth = _with(replace(worth, rereadings=tuple(found)), replace(told, severity="warning"))
     return worth, Compared(_as_they_agree(worth, other, ways, area_px), tuple(ways))

@@ -13,7 +13,7 @@ from sonocal.existing.difference import Difference, difference
 from sonocal.existing.fitting import Rereading
 from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
-from sonocal.existing.misread import misread, misread_finding
+from sonocal.existing.misread import misread, misread_finding, misread_on_points
 from sonocal.existing.worth_findings import (
     Said,
     against_scanner,
@@ -180,15 +180,26 @@ def worth_on_points(existing: Existing, sightings: PointSightings) -> Worth:
     Raises:
         InputError: the points have neither.
     """
-    found = []
-    if sightings.points_mm is not None:
-        found.append(reconstruction_accuracy(existing.probe_from_image, sightings))
-    if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
-        found.append(fixed_point_spread(existing.probe_from_image, sightings))
-    if not found:
+    numbers = _on_points(existing, sightings)
+    if not numbers:
         raise InputError(f"{sightings.source}: gives no number; it needs places or poses of its points")
-    findings = matrix_findings(existing, sightings.points_px.shape[1])
-    return Worth(existing, sightings.source, sightings.sha256, tuple(found), diagnostics=findings)
+    ways, finding = misread_on_points(existing, sightings)
+    worth = Worth(existing, sightings.source, sightings.sha256, numbers, rereadings=tuple(ways))
+    told = () if finding is None else (finding,)
+    if (reread := worth.reread) is not None:
+        so = [replace(one, title=f"{one.title}, read so") for one in _on_points(reread, sightings)]
+        worth = replace(worth, reread_quantities=tuple(so))
+    odd = matrix_findings(reread or existing, sightings.points_px.shape[1]) if reread or not ways else ()
+    return replace(worth, diagnostics=warnings_first([*told, *odd]))
+
+
+def _on_points(existing: Existing, sightings: PointSightings) -> tuple[Quantity, ...]:
+    numbers = []
+    if sightings.points_mm is not None:
+        numbers.append(reconstruction_accuracy(existing.probe_from_image, sightings))
+    if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
+        numbers.append(fixed_point_spread(existing.probe_from_image, sightings))
+    return tuple(numbers)
 
 
 def model_like(existing: Existing, dimension: int) -> Model:
