@@ -163,7 +163,7 @@ def validated(h: Hostile) -> None:
 def registered(h: Hostile) -> None:
     size = h.pick([0, 1, 3, 7, 20])
     points, lines = h.random.uniform(-1, 1, (2, size, 3)), h.random.uniform(-100, 100, (2, size, 2, 3))
-    planes = h.random.normal(size=(2, size, 4))
+    planes = h.pick([h.random.normal(size=(2, size, 4)), h.random.normal(size=(2, size, 3, 3))])
     kinds: list[Callable[[], Any]] = [
         lambda: reg.constraints.point_point(h.array(points[0]), h.array(points[1])),
         lambda: reg.constraints.point_line(h.array(points[0]), h.array(lines[0])),
