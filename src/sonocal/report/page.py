@@ -27,6 +27,9 @@ from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["report_html"]
 
+# A title, the names of the numbers (mm), a place in px and the numbers there, sentences.
+Difference = tuple[str, Sequence[str], Sequence[tuple[str, Sequence[str]]], Sequence[str]]
+
 
 def report_html(
     calibration: Calibration,
@@ -34,6 +37,8 @@ def report_html(
     validation: Validation | None = None,
     *,
     comparison: Comparison | None = None,
+    other: str = "",
+    differences: Sequence[Difference] = (),
     frames: Sequence[FrameImage] = (),
     title: str = "Probe calibration",
 ) -> bytes:
@@ -44,6 +49,8 @@ def report_html(
         observations: the rows it was fitted to, and held-out ones; without them there are no residual figures.
         validation: its numbers.
         comparison: with another calibration.
+        other: what that one is called, such as its file.
+        differences: from matrices of other software.
         frames: images to show, with detections and needles.
         title: of the page.
 
@@ -70,6 +77,8 @@ def report_html(
         cal=calibration,
         validation=validation,
         comparison=comparison,
+        other=other,
+        differences=differences,
         errors=_errors(calibration),
         standing=(CANNOT_SHOW, cannot_show(calibration)),
         reasons=list(zip(verdict.codes, verdict.reasons, strict=True)),
