@@ -48,6 +48,8 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
         NoConsensusError: no calibration agrees with enough sightings.
         UnsupportedError: the anisotropic model, or a threshold from the noise.
     """
+    if not len(rows):
+        raise InputError(f"{rows.source}: has no row to fit; see ten sightings or more, of several targets")
     if asked.model != "similarity":
         raise UnsupportedError(
             f"{rows.source}: holds points or planes, which are fitted by one scale; leave out the model"

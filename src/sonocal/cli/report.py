@@ -88,5 +88,6 @@ def pictures(result: Result) -> list[FrameImage]:
         grey = as_grey(recording.frames[frame], dimension, f"{recording.name}, frame {frame}")
         flat = grey if dimension == 2 else grey.max(axis=0)
         image = flat.clip(0, 255).astype(np.uint8)
-        shown.append(FrameImage(image, here.points_px, here.segments_mm, f"frame {frame}"))
+        lines = here.segments_mm if here.lines_only else None  # what is no line is not drawn
+        shown.append(FrameImage(image, here.points_px, lines, f"frame {frame}"))
     return shown
