@@ -15,8 +15,8 @@ from sonocal import FormatError, InputError
 from sonocal.detection import read_detections
 from sonocal.files import (
     beside,
-    file_beside,
     digest,
+    file_beside,
     file_size,
     path_of,
     read_at,
