@@ -12,6 +12,7 @@ from sonocal import report
 from sonocal.calibration.area import in_mm
 from sonocal.calibration.diagnostics import Diagnostic
 from sonocal.geometry import (
+    AxisScaled,
     needle_in_image,
     needle_in_volume,
 )
@@ -232,6 +233,23 @@ def test_figures_draw_on_a_given_axis_and_leave_the_global_state_alone(scan):
         if axis.get_label() != "<colorbar>"
     )
     assert dict(mpl.rcParams) == before
+
+
+def test_a_matrix_of_other_software_is_drawn_where_it_puts_the_image_beside_ours(scan):
+    from matplotlib.figure import Figure
+
+    _, found = scan
+    theirs = AxisScaled(np.eye(3), np.array([5.0, -7, 90]), np.array([0.2, 0.3, 0.25]))
+    axis = Figure().add_subplot(projection="3d")
+    report.plot_matrix(axis, theirs, found.area_px, found)
+    lines = {line.get_label(): np.array(line.get_data_3d()).T for line in axis.lines}
+    (left, top), (right, bottom) = found.area_px
+    corners = np.array([(left, top), (right, top), (right, bottom), (left, bottom), (left, top)])
+    np.testing.assert_allclose(lines["this matrix"], theirs @ corners)
+    np.testing.assert_allclose(lines["our own calibration"], found.probe_from_image @ corners)
+    alone = Figure().add_subplot(projection="3d")
+    report.plot_matrix(alone, theirs, found.area_px)
+    assert [line.get_label() for line in alone.lines].count("our own calibration") == 0
 
 
 def test_the_map_shows_the_predicted_error(scan):

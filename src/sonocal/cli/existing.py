@@ -102,12 +102,12 @@ def validate_existing(
         if wrong := typed((option,)):
             raise click.UsageError(f"{wrong[0]} is for calibration.json; of {existing.file} {instead}")
     worth = _measured(existing, measured, split, scanner_mm_per_px)
+    area = _seen(measured) if worth.own is None else worth.own.area_px
     beside = None
     if other is not None:
-        area = _seen(measured) if worth.own is None else worth.own.area_px
         worth, beside = worth_compared(worth, other, area, name)
     against = {} if beside is None else {called(other, name): beside.difference}
-    files = {} if page is None else matrix_report_files(worth, against, name=page.name)
+    files = {} if page is None else matrix_report_files(worth, against, area, name=page.name)
     if page is not None:
         write_into_folder(page.parent, files)
     if as_json:

@@ -11,16 +11,20 @@ from sonocal.errors import UnsupportedError
 if TYPE_CHECKING:
     from sonocal.existing.difference import Difference
     from sonocal.existing.worth import Worth
+    from sonocal.geometry import Array
 
 __all__ = ["matrix_report_files"]
 
 
-def matrix_report_files(worth: Worth, against: Mapping[str, Difference], *, name: str) -> dict[str, bytes]:
+def matrix_report_files(
+    worth: Worth, against: Mapping[str, Difference], area_px: Array, *, name: str
+) -> dict[str, bytes]:
     """The page by its file's name; nothing, and a note on stderr, where its libraries are not installed.
 
     Args:
         worth: what is known of the matrix.
         against: how far it is from others, by what they are called.
+        area_px: (2, d): of the image, or what was seen of it.
         name: of the page.
     """
     from sonocal import __version__
@@ -32,6 +36,7 @@ def matrix_report_files(worth: Worth, against: Mapping[str, Difference], *, name
     )
     from sonocal.existing.choice import AS
     from sonocal.existing.worth import MATRIX_ALONE
+    from sonocal.report.svg import matrix_svg
     from sonocal.report.templates import filled, now
     from sonocal.validation import CANNOT_SHOW, give_verdict
 
@@ -55,6 +60,7 @@ def matrix_report_files(worth: Worth, against: Mapping[str, Difference], *, name
             standing=(CANNOT_SHOW, [MATRIX_ALONE]),
             how=", read so" if worth.reread else "",
             matrix=meant.matrix,
+            figure=matrix_svg(meant.probe_from_image, area_px, worth.own),
             words=meaning_sentences(meant),
             provenance=[
                 ("matrix", f"{existing.said} ({existing.format})"),
