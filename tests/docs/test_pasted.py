@@ -54,6 +54,7 @@ NOT_RUN = {
     "PYTHON=.venv/bin/python scripts/sanitize": ".ci/run does",
     ".venv/bin/python -m pytest tests/calibration tests/laws/test_calibration.py": "these are tests",
     "python -m benchmarks.trust --seeds 50 --jobs 2 --write docs/trust.md": "measures for an hour",
+    "python -m benchmarks.sound --seeds 200": "measures for half an hour",
 }
 # Python that is run elsewhere.
 ELSEWHERE = {"studies.md": "tests/studies/test_docs.py"}
