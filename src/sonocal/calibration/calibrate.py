@@ -12,6 +12,7 @@ from sonocal.calibration.evidence import set_up_findings
 from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
+from sonocal.calibration.lagged import without_lag
 from sonocal.calibration.left_out import left_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
@@ -52,6 +53,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
             exhaustive_samples (200): up to this many samples are all tried.
             seed (0): of everything random; the same seed gives the same answer.
 
+            latency (None): "estimate": the lag of the tracker behind the images is fitted, too, by the rows' column
+            time_s, or by the velocities of their lines (vx0_mm_s ...).
+
             Which rows:
             fit_split (None): fit the rows of this split only; default: all but those of `test_split`.
             test_split (None): report the error of this split's rows, which are not fitted.
@@ -81,6 +85,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     """
     asked = Options.of(**options)
     require("observations", observations, Observations)
+    observations, asked, late = without_lag(observations, asked)
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
 
     # The transform that most rows agree with, refined on those that do.
@@ -122,4 +127,5 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         partial(set_up_findings, found, rows, mapped),
     )
     found = replace(found, diagnostics=Findings(looks=looks))
-    return found if repeated is None else repeated.told_of(found, given)
+    found = found if repeated is None else repeated.told_of(found, given)
+    return found if late is None else late.told_of(found, given)

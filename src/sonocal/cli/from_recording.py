@@ -30,6 +30,7 @@ __all__ = [
     "SHEET",
     "TABLE",
     "Result",
+    "at_lag",
     "from_recording",
     "looking",
 ]
@@ -84,6 +85,18 @@ def from_recording(
     table, rows = as_file(result.rows, TABLE)
     found = _with_provenance(result.calibration, rows, {"recording": source, "lines": lines}, recorded)
     return Result(rows, found, {TABLE: table, **result.files}, recording)
+
+
+def at_lag(rows: Observations, found: Calibration) -> Result:
+    """A calibration of a table under a lag, with the table whose lines are where that leads."""
+    from sonocal.calibration.lagged import rows_at_lag
+    from sonocal.observations.table_file import as_file
+
+    assert found.latency_s is not None
+    table, moved = as_file(rows_at_lag(rows, found.latency_s), TABLE)
+    recorded = {"recorded": {"table": {"input": rows.source, "sha256": rows.sha256}}}
+    provenance = found.provenance | {"input": moved.source, "sha256": moved.sha256} | recorded
+    return Result(moved, replace(found, provenance=provenance), {TABLE: table})
 
 
 def looking(recording: Recording, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,101 @@
+"""A recording whose tracker is late by a lag that nobody knows: roughly of candidates, finely of what is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sonocal.calibration import point_line_rows
+from sonocal.calibration.lagged import lag_of_rows
+from sonocal.detection import Detections
+from sonocal.errors import InputError, SonocalError
+from sonocal.geometry import Array
+from sonocal.observations import Observations
+from sonocal.recording import Recording
+from sonocal.setup_checks.lag_fit import LagFit
+from sonocal.setup_checks.lines_in_time import RowsInTime
+from sonocal.setup_checks.moving_lines import moving_in_recording
+from sonocal.sweep.options import PointsOptions, telling_threshold_mm
+from sonocal.sweep.tabulate import tabulate, tabulated
+from sonocal.targets import Line
+
+__all__ = ["lag_of_candidates", "lag_of_points", "moving_rows", "require_clock"]
+
+# Candidates an image by which the lag is found roughly: the first are the surest, and in speckle too few the needle.
+RANKS = (1, 2)
+
+
+def lag_of_candidates(
+    recording: Recording,
+    lines: Sequence[Line],
+    detections: Detections,
+    segments_mm: Array,
+    options: PointsOptions,
+) -> LagFit:
+    """The lag roughly, of the images' best candidates, one each or two.
+
+    Args:
+        recording: as it was read.
+        lines: the needles and wires.
+        detections: candidates.
+        segments_mm: (N, L, 2, 3): the lines' ends in every item.
+        options: how rows are fitted.
+
+    Raises:
+        DegenerateGeometryError, NoConsensusError: as `lag_of_rows`.
+    """
+    within_mm = telling_threshold_mm(lines) if options.threshold_mm == "auto" else options.threshold_mm
+    refusal: SonocalError | None = None
+    for ranks in RANKS:
+        best = detections.select(detections.rank < ranks)
+        rows = tabulated(recording, lines, best, segments_mm).observations.with_sound(sigma_px=None)
+        try:
+            moving = moving_rows(recording, lines, rows, segments_mm)
+            return lag_of_rows(moving, replace(options, threshold_mm=within_mm), recording.name)
+        except SonocalError as error:
+            refusal = refusal or error
+    assert refusal is not None
+    raise refusal
+
+
+def lag_of_points(
+    recording: Recording, lines: Sequence[Line], points: Detections, options: PointsOptions
+) -> LagFit:
+    """The lag of points that were found in the images by other means.
+
+    Raises:
+        InputError: the recording has no times, or its poses were moved before.
+        DegenerateGeometryError, NoConsensusError: as `lag_of_rows`.
+    """
+    require_clock(recording)
+    segments = options.posing.segments_mm(recording, lines)
+    rows = tabulate(recording, lines, points, options.posing).observations
+    return lag_of_rows(moving_rows(recording, lines, rows, segments), options, recording.name)
+
+
+def require_clock(recording: Recording) -> None:
+    """Refuse a recording whose lag cannot be estimated.
+
+    Raises:
+        InputError: it has no times, or its poses were moved by a latency before.
+    """
+    if np.isnan(recording.times).any():
+        raise InputError(
+            f"{recording.name}: its items have no times, so that no lag can be estimated; add stamps"
+        )
+    if recording.latency_s:
+        raise InputError(
+            f"{recording.name}: its poses were moved by a latency of {recording.latency_s:g} s before; estimate the "
+            "lag of the recording as it was read"
+        )
+
+
+def moving_rows(
+    recording: Recording, lines: Sequence[Line], rows: Observations, segments_mm: Array
+) -> RowsInTime:
+    """The rows, with their needles as the whole recording says where they were."""
+    names = [line.name for line in lines]
+    track = np.array([names.index(str(name)) for name in rows.target], dtype=np.int64)
+    return moving_in_recording(point_line_rows(rows), recording.times, segments_mm, rows.frame, track)
