@@ -71,6 +71,9 @@ def from_recording(
     """
     from sonocal.cli.formats import lines_in
     from sonocal.observations.table_file import as_file
+    from sonocal.recording import with_latency
+    from sonocal.sweep import Posing
+    from sonocal.sweep.lagged import with_line_velocities
 
     recording = read_given(source, recorded)
     known, fixed = lines_in(lines)
@@ -82,7 +85,10 @@ def from_recording(
     else:
         how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
         result = _from_images(recording, known, output, how | looking(recording, recorded), start)
-    table, rows = as_file(result.rows, TABLE)
+    if recording.latency_s != (result.calibration.latency_s or 0.0):  # estimated
+        recording = with_latency(recording, result.calibration.latency_s or 0.0)
+    posing = Posing(recorded["probe"], fixed, recorded["on_invalid"])
+    table, rows = as_file(with_line_velocities(result.rows, recording, known, posing), TABLE)
     found = _with_provenance(result.calibration, rows, {"recording": source, "lines": lines}, recorded)
     return Result(rows, found, {TABLE: table, **result.files}, recording)
 

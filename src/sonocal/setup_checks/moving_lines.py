@@ -136,6 +136,18 @@ def line_velocities(track: NDArray[np.int64], axis: Array, segments_mm: Array) -
     return np.where(known[:, None, None], velocities, np.nan), np.where(known, unrest, np.nan)
 
 
+def velocities_in_recording(times: Array, segments_mm: Array) -> Array:
+    """(I, L, 2, 3), mm/s: of the ends of the lines (I, L, 2, 3) in every item of a recording; NaN where unknown."""
+    found = np.full(segments_mm.shape, np.nan)
+    items, needles = np.nonzero(np.isfinite(segments_mm).all(axis=(2, 3)))
+    order = np.lexsort((times[items], needles))
+    items, needles = items[order], needles[order]
+    axis = times[items] - times.min() + needles * (2.0 * float(np.ptp(times)) + 1.0)
+    if np.all(np.diff(axis) > 0):
+        found[items, needles] = line_velocities(needles, axis, segments_mm[items, needles])[0]
+    return found
+
+
 def moving_in_recording(
     table: PointLineRows, times: Array, segments_mm: Array, frame: NDArray[np.int64], track: NDArray[np.int64]
 ) -> RowsInTime:

@@ -13,18 +13,21 @@ from sonocal.detection import Detections
 from sonocal.errors import InputError, SonocalError
 from sonocal.geometry import Array
 from sonocal.observations import Observations
+from sonocal.observations.velocities import with_velocities
 from sonocal.recording import Recording
 from sonocal.setup_checks.lag_fit import LagFit
 from sonocal.setup_checks.lines_in_time import RowsInTime
-from sonocal.setup_checks.moving_lines import moving_in_recording
+from sonocal.setup_checks.moving_lines import moving_in_recording, velocities_in_recording
 from sonocal.sweep.options import PointsOptions, telling_threshold_mm
-from sonocal.sweep.tabulate import tabulate, tabulated
+from sonocal.sweep.tabulate import Posing, tabulate, tabulated
 from sonocal.targets import Line
 
-__all__ = ["lag_of_candidates", "lag_of_points", "moving_rows", "require_clock"]
+__all__ = ["lag_of_candidates", "lag_of_points", "moving_rows", "require_clock", "with_line_velocities"]
 
 # Candidates an image by which the lag is found roughly: the first are the surest, and in speckle too few the needle.
 RANKS = (1, 2)
+# Of lines that rest, noise and tremor are no motion.
+STILL_MM_S = 1.0
 
 
 def lag_of_candidates(
@@ -90,6 +93,27 @@ def require_clock(recording: Recording) -> None:
             f"{recording.name}: its poses were moved by a latency of {recording.latency_s:g} s before; estimate the "
             "lag of the recording as it was read"
         )
+
+
+def with_line_velocities(
+    rows: Observations, recording: Recording, lines: Sequence[Line], posing: Posing
+) -> Observations:
+    """The table of a recording with its lines' velocities, where they move: another program may fit a lag by them.
+
+    Args:
+        rows: of the recording: their frames are its items.
+        recording: as the rows were made from it.
+        lines: the needles and wires.
+        posing: how they came into the probe marker's frame.
+    """
+    if np.isnan(recording.times).any():
+        return rows
+    velocities = velocities_in_recording(recording.times, posing.segments_mm(recording, lines))
+    names = [line.name for line in lines]
+    each = velocities[rows.frame, [names.index(str(name)) for name in rows.target]]
+    known = np.isfinite(each).all(axis=(1, 2))
+    moves = known.any() and np.sqrt(np.mean(each[known] ** 2)) > STILL_MM_S
+    return with_velocities(rows, each) if moves else rows
 
 
 def moving_rows(
