@@ -18,7 +18,7 @@ from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import refuse_degenerate_lines
 from sonocal.setup_checks.lag_fit import LagFit, fit_lag
-from sonocal.setup_checks.lag_search import MOST_S, rough_lag
+from sonocal.setup_checks.lag_search import MOST_ASKED_S, rough_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM, SIGNIFICANT_LAG
 from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.moving_lines import moving_in_table
@@ -98,8 +98,8 @@ def lag_of_rows(rows: RowsInTime, options: Options, source: str) -> LagFit:
     if rough is None:
         refuse_degenerate_lines(rows.table)
         raise NoConsensusError(
-            f"{source}: rows agree under no lag up to {1e3 * MOST_S:.0f} ms either way; calibrate without --latency "
-            "estimate, to be told what else is wrong",
+            f"{source}: rows agree under no lag up to {1e3 * MOST_ASKED_S:.0f} ms either way; calibrate without "
+            "--latency estimate, to be told what else is wrong",
             best_count=0,
         )
     lag, fit = rough

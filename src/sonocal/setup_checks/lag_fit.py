@@ -26,8 +26,9 @@ MOST_STEPS, MOST_STEP_S, AT_REST_S = 30, 0.02, 1e-8
 STRETCHES = 12
 # Of what velocities say of the lag beside the transform, the share that their own noise may be.
 MOST_BY_NOISE = 0.5
-# An interval (95 %) wider than this to either side tells nothing.
-WIDEST_S = 0.05
+# An interval (95 %) that is wider than this to either side tells nothing; where it shows that there is a lag, one that
+# is wider than the other.
+WIDEST_S, WIDEST_OF_A_LAG_S = 0.05, 0.15
 ADVICE = (
     "move the needle through the image to and fro for 20 s, at some 40 mm/s and in more than one direction, and record "
     "again; or give the lag in seconds"
@@ -103,7 +104,7 @@ def fit_lag(rows: RowsInTime, start: AxisScaled, lag: float, options: Options, t
             break
         start, lag = fit.transform, lag + step
     found = sums.lag(lag, fit)
-    if found.half_width_s > WIDEST_S:
+    if found.half_width_s > (WIDEST_OF_A_LAG_S if abs(lag) > found.half_width_s else WIDEST_S):
         raise _untold(
             f"the scan tells the lag to +-{1e3 * found.half_width_s:.0f} ms only (95 %), at a usual speed of the "
             f"needle across itself of {found.speed_mm_s:.2g} mm/s"

@@ -15,12 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Unpack
 
 import numpy as np
 
 from sonocal.calibration import Calibration, calibrate
-from sonocal.calibration.lagged import with_lag
+from sonocal.calibration.lagged import lag_of_rows, with_lag
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError, require
@@ -29,10 +30,9 @@ from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health, stated_scale, with_latency
 from sonocal.recording.health import Progress
-from sonocal.setup_checks.lag_fit import fit_lag
 from sonocal.setup_checks.scale import scale_deviation, scale_doubt
 from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
-from sonocal.sweep.lagged import lag_of_candidates, lag_of_points, moving_rows, require_clock
+from sonocal.sweep.lagged import lag_of_candidates, lag_of_points, most_used, moving_rows, require_clock
 from sonocal.sweep.options import (
     Keywords,
     Options,
@@ -184,11 +184,10 @@ class Sweep:
 
     def _late(self, detections: Detections, start: AxisScaled | None) -> CandidateCalibration:
         """As `calibrate`, with the lag as one more unknown: what is chosen under it roughly tells it finely."""
-        own = self.recording, self.lines
-        rough = lag_of_candidates(*own, detections, self.segments_mm, self.options)
-        first = self.at_lag(rough.latency_s).calibrate(detections, start or rough.fit.transform)
-        rows, known = moving_rows(*own, first.observations, self.segments_mm), first.calibration
-        lag = fit_lag(rows, known.probe_from_image, rough.latency_s, self.options, known.threshold_mm)
+        recording, lines, segments = self.recording, self.lines, self.segments_mm
+        tried = lag_of_candidates(recording, lines, detections, segments, self.options)
+        chosen = most_used([partial(self.at_lag(one).calibrate, detections, start) for one in tried])
+        lag = lag_of_rows(moving_rows(recording, lines, chosen, segments), self.options, recording.name)
         found = self.at_lag(lag.latency_s).calibrate(detections, lag.fit.transform)
         return replace(found, calibration=with_lag(found.calibration, lag, found.observations))
 

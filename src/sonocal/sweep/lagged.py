@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -16,16 +15,27 @@ from sonocal.observations import Observations
 from sonocal.observations.velocities import with_velocities
 from sonocal.recording import Recording
 from sonocal.setup_checks.lag_fit import LagFit
+from sonocal.setup_checks.lag_search import rough_lag
 from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.moving_lines import moving_in_recording, velocities_in_recording
+from sonocal.sweep.choice import CandidateCalibration
 from sonocal.sweep.options import PointsOptions, telling_threshold_mm
 from sonocal.sweep.tabulate import Posing, tabulate, tabulated
 from sonocal.targets import Line
 
-__all__ = ["lag_of_candidates", "lag_of_points", "moving_rows", "require_clock", "with_line_velocities"]
+__all__ = [
+    "lag_of_candidates",
+    "lag_of_points",
+    "most_used",
+    "moving_rows",
+    "require_clock",
+    "with_line_velocities",
+]
 
 # Candidates an image by which the lag is found roughly: the first are the surest, and in speckle too few the needle.
 RANKS = (1, 2)
+# Of these, those that agree under a lag that is one.
+LEAST_SHARE = 0.25
 # Of lines that rest, noise and tremor are no motion.
 STILL_MM_S = 1.0
 
@@ -36,8 +46,8 @@ def lag_of_candidates(
     detections: Detections,
     segments_mm: Array,
     options: PointsOptions,
-) -> LagFit:
-    """The lag roughly, of the images' best candidates, one each or two.
+) -> tuple[float, ...]:
+    """The lag, s, under which the images' best candidates agree best; where few do, several that may be, none among them.
 
     Args:
         recording: as it was read.
@@ -45,22 +55,35 @@ def lag_of_candidates(
         detections: candidates.
         segments_mm: (N, L, 2, 3): the lines' ends in every item.
         options: how rows are fitted.
-
-    Raises:
-        DegenerateGeometryError, NoConsensusError: as `lag_of_rows`.
     """
     within_mm = telling_threshold_mm(lines) if options.threshold_mm == "auto" else options.threshold_mm
-    refusal: SonocalError | None = None
+    unsure = []
     for ranks in RANKS:
         best = detections.select(detections.rank < ranks)
-        rows = tabulated(recording, lines, best, segments_mm).observations.with_sound(sigma_px=None)
+        rows = tabulated(recording, lines, best, segments_mm).observations
+        rough = rough_lag(moving_rows(recording, lines, rows, segments_mm), within_mm, options.model)
+        if rough is not None and np.mean(rough[1].inlier) >= LEAST_SHARE:
+            return (rough[0],)
+        unsure += [] if rough is None else [rough[0]]
+    return tuple(dict.fromkeys([*unsure, 0.0]))
+
+
+def most_used(ways: Sequence[Callable[[], CandidateCalibration]]) -> Observations:
+    """The rows that were chosen in one of some ways: that in which most images took part.
+
+    Raises:
+        SonocalError: each refuses; the first one's refusal.
+    """
+    refusals: list[SonocalError] = []
+    found: list[CandidateCalibration] = []
+    for way in ways:
         try:
-            moving = moving_rows(recording, lines, rows, segments_mm)
-            return lag_of_rows(moving, replace(options, threshold_mm=within_mm), recording.name)
+            found.append(way())
         except SonocalError as error:
-            refusal = refusal or error
-    assert refusal is not None
-    raise refusal
+            refusals.append(error)
+    if not found:
+        raise refusals[0]
+    return max(found, key=lambda one: one.used).observations
 
 
 def lag_of_points(
