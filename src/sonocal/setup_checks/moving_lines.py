@@ -26,8 +26,10 @@ __all__ = ["MovingLines", "line_velocities", "moving_in_recording", "moving_in_t
 
 # Of the parabolas that are fitted to a line's places: what tremor and noise do within it is no velocity.
 WINDOW_S = 0.3
-# How far from a place that is known a velocity may lead.
+# How far from a place that is known a velocity that follows from the places may lead.
 REACH_S = 0.15
+# Where velocities lead to from one sighting and from the next, apart: noise of tracking is less.
+TOGETHER_MM = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,25 +164,37 @@ def moving_in_recording(
 def moving_in_table(observations: Observations, table: PointLineRows) -> RowsInTime:
     """A table's sightings in their order: by the velocities that it holds, by its times, or by both.
 
+    Where both are there and go together, each line is where its neighbours in time lead; where they do not, as of rows
+    that were drawn or sorted out, it is on the straight way from its own place.
+
     Raises:
         InputError: it holds neither, or a velocity is none.
     """
     velocities, stamps = velocities_of(observations), observations.stamps_s()
-    segments = observations.segments_mm
-    if stamps is not None:
-        track, time = tracks_of(observations, table), stamps - stamps.min()
-        known = np.isfinite(segments if velocities is None else velocities).all(axis=(1, 2))
-        rates = None if velocities is None else velocities[known]
-        return RowsInTime(
-            table, MovingLines.of(track[known], time[known], segments[known], rates), track, time, "s"
-        )
-    if velocities is None:
+    segments, track = observations.segments_mm, tracks_of(observations, table)
+    if velocities is None and stamps is None:
         raise InputError(
             f"{observations.source}: tells not when its rows were nor how their lines moved; a lag needs the column "
             f"time_s, or the lines' velocities {VELOCITY_COLUMNS[0]} ... {VELOCITY_COLUMNS[-1]}"
         )
-    # Each row is a track of its own, whose line is known at all times.
-    track, time = np.arange(len(table)), np.zeros(len(table))
+    time = np.zeros(len(table)) if stamps is None else stamps - stamps.min()
+    if velocities is None:
+        return RowsInTime(table, MovingLines.of(track, time, segments), track, time, "s")
+    if stamps is None or not _goes_together(track, time, segments, velocities):
+        track, time = np.arange(len(table)), np.zeros(len(table))
     known = np.isfinite(velocities).all(axis=(1, 2))
     lines = MovingLines.of(track[known], time[known], segments[known], velocities[known])
-    return RowsInTime(table, replace(lines, reach_s=1.0), track, time, "s")
+    return RowsInTime(table, replace(lines, reach_s=LONGEST_S + REACH_S), track, time, "s")
+
+
+def _goes_together(track: NDArray[np.int64], time: Array, segments_mm: Array, velocities: Array) -> bool:
+    """Whether velocities lead from one sighting of a line to the next, but for some mm."""
+    order = np.lexsort((time, track))
+    order = order[np.isfinite(velocities[order]).all(axis=(1, 2))]
+    before, after = order[:-1], order[1:]
+    gap = time[after] - time[before]
+    near = (track[after] == track[before]) & (gap > 0) & (gap <= LONGEST_S)
+    half = 0.5 * gap[near, None, None]
+    before, after = before[near], after[near]
+    off = segments_mm[before] + half * velocities[before] - segments_mm[after] + half * velocities[after]
+    return bool(near.any() and np.median(np.linalg.norm(off, axis=2)) < TOGETHER_MM)

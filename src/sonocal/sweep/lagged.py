@@ -47,7 +47,7 @@ def lag_of_candidates(
     segments_mm: Array,
     options: PointsOptions,
 ) -> tuple[float, ...]:
-    """The lag, s, under which the images' best candidates agree best; where few do, several that may be, none among them.
+    """The lag, s, under which the images' best candidates agree best; where few do, several, none among them.
 
     Args:
         recording: as it was read.
