@@ -26,6 +26,8 @@ MOST_STEPS, MOST_STEP_S, AT_REST_S = 30, 0.02, 1e-8
 STRETCHES = 12
 # Of what velocities say of the lag beside the transform, the share that their own noise may be.
 MOST_BY_NOISE = 0.5
+# And the least share of what they say at all: the rest looks like a motion of the transform.
+LEAST_TOLD = 1e-6
 # An interval (95 %) that is wider than this to either side tells nothing; where it shows that there is a lag, one that
 # is wider than the other.
 WIDEST_S, WIDEST_OF_A_LAG_S = 0.05, 0.15
@@ -203,7 +205,8 @@ class _Sums:
         sums, k = self.products.sum(axis=0), len(fit.covariance)
         moved = np.linalg.lstsq(sums[:k, :k], sums[:k, k], rcond=None)[0]
         told = float(sums[k, k] - sums[k, :k] @ moved)
-        if not told * MOST_BY_NOISE > float(self.by_noise[:, 0, 0].sum()):
+        noise = float(self.by_noise[:, 0, 0].sum())
+        if not told > max(noise / MOST_BY_NOISE, LEAST_TOLD * float(sums[k, k])):
             raise _untold(
                 f"the motion tells no lag: the needle's speed across itself is {self.speed_mm_s:.2g} mm/s, alike "
                 "throughout or no more than noise"

@@ -253,7 +253,9 @@ def _longest(unit: str) -> float:
     return LONGEST_S if unit == "s" else np.inf
 
 
-def pieces_of(axis: Array, places: Array, track: NDArray[np.int64], longest: float) -> NDArray[np.int64]:
+def pieces_of(
+    axis: Array, places: Array, track: NDArray[np.int64], longest: float, most_steps: float = MOST_STEPS
+) -> NDArray[np.int64]:
     """(M,): which piece each sighting is of: a gap, another needle or an end for the other parts two."""
     if not len(axis):
         return np.zeros(0, dtype=np.int64)
@@ -261,7 +263,7 @@ def pieces_of(axis: Array, places: Array, track: NDArray[np.int64], longest: flo
     usual = float(np.median(step[same])) if same.any() else 0.0
     along = places[:, 3:] - places[:, :3]
     turned = np.einsum("ni,ni->n", along[1:], along[:-1]) <= 0
-    broken = ~same | turned | (step > min(MOST_STEPS * usual, longest))
+    broken = ~same | turned | (step > min(most_steps * usual, longest))
     return np.concatenate([[0], np.cumsum(broken)])
 
 

@@ -25,9 +25,11 @@ from sonocal.setup_checks.lines_in_time import (
 __all__ = ["MovingLines", "line_velocities", "moving_in_recording", "moving_in_table"]
 
 # Of the parabolas that are fitted to a line's places: what tremor and noise do within it is no velocity.
-WINDOW_S = 0.3
+WINDOW_S, ROUNDING = 0.3, 1e-3
+# Of usual steps, in one that is bridged: however few sightings a track has, seconds count.
+MOST_STEPS = 1e9
 # How far from a place that is known a velocity that follows from the places may lead.
-REACH_S = 0.15
+REACH_S = 0.05
 # Where velocities lead to from one sighting and from the next, apart: noise of tracking is less.
 TOGETHER_MM = 5.0
 
@@ -93,7 +95,7 @@ class MovingLines:
         bridged = (since >= 0) & (until >= 0) & (since + until <= LONGEST_S)
         nearer = (np.abs(since) > np.abs(until)).astype(float)
         share = np.where(bridged, since / np.where(bridged & (since + until > 0), since + until, 1.0), nearer)
-        found.usable[:] = np.minimum(np.abs(since), np.abs(until)) <= self.reach_s
+        found.usable[:] = bridged | (np.minimum(np.abs(since), np.abs(until)) <= self.reach_s)
         for node, gap, part in ((before, since, 1.0 - share), (after, -until, share)):
             carried = self.segments_mm[node] + gap[:, None, None] * self.velocities[node]
             found.segments_mm[:] += part[:, None, None] * carried
@@ -118,15 +120,17 @@ def line_velocities(track: NDArray[np.int64], axis: Array, segments_mm: Array) -
     if not len(axis):
         return segments_mm, np.zeros(0)
     places = segments_mm.reshape(-1, 6)
-    piece = pieces_of(axis, places, track, LONGEST_S)
+    piece = pieces_of(axis, places, track, LONGEST_S, MOST_STEPS)
     step = np.diff(axis)[np.diff(piece) == 0]
     usual = float(np.median(step)) if len(step) else WINDOW_S
     each = max(round(0.5 * WINDOW_S / usual), 1)
     moments, sums = np.zeros((len(axis), 3, 3)), np.zeros((len(axis), 3, 6))
     for other in range(-each, each + 1):
         there = np.clip(np.arange(len(axis)) + other, 0, len(axis) - 1)
+        since = (axis[there] - axis) / WINDOW_S
         near = (piece[there] == piece) & (there == np.arange(len(axis)) + other)
-        since = np.where(near, (axis[there] - axis) / WINDOW_S, 0.0)
+        near &= (np.abs(since) <= 0.5 + ROUNDING) | (abs(other) == 1)
+        since = np.where(near, since, 0.0)
         powers = np.stack([near, since, since**2], axis=1).astype(float)
         moments += powers[:, :, None] * powers[:, None, :]
         sums += powers[:, :, None] * (places[there] - places)[:, None, :] * near[:, None, None]
