@@ -20,7 +20,6 @@ from sonocal.calibration.repeated import fit_distinct
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import require
 from sonocal.findings import Findings
 from sonocal.observations import Observations
 from sonocal.observations.outside import outside_findings
@@ -83,9 +82,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     Source: paper sections 5 to 9.
     """
-    asked = Options.of(**options)
-    require("observations", observations, Observations)
-    observations, asked, late = without_lag(observations, asked)
+    observations, asked, late = without_lag(observations, Options.of(**options))
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
 
     # The transform that most rows agree with, refined on those that do.

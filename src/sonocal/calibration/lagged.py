@@ -13,7 +13,7 @@ from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import check_rows, line_distances, point_line_rows, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.calibration.widened import widened
-from sonocal.errors import NoConsensusError
+from sonocal.errors import NoConsensusError, require
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import refuse_degenerate_lines
@@ -65,10 +65,11 @@ def without_lag(
     As they are, and None, where none is to be.
 
     Raises:
-        InputError: the table tells nothing of how its lines moved.
+        InputError: they are no table of sightings, or it tells nothing of how its lines moved.
         DegenerateGeometryError: they did not, so that no lag shows; or the sightings leave a motion free.
         NoConsensusError: rows agree under no lag.
     """
+    require("observations", observations, Observations)
     if options.latency is None:
         return observations, options, None
     check_rows(split_rows(observations, options.fit_split, options.test_split)[0], options.model)
