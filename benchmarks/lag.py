@@ -1,6 +1,6 @@
 """A lag that is estimated with the calibration: how far off it is, its interval, and what it does to the calibration.
 
-python -m benchmarks.lag [--scans 100] [--first 5000] [--rows WORD]
+python -m benchmarks.lag [--scans 100] [--first 5000] [--rows WORD] [--interval]
 """
 
 from __future__ import annotations
@@ -15,10 +15,15 @@ import numpy as np
 
 import sonocal as sc
 from benchmarks.simulators.late import NEEDLE, Late, late_scan
+from sonocal.calibration import point_line_rows
 from sonocal.calibration.lagged import rows_at_lag
 from sonocal.observations.velocities import with_velocities
 from sonocal.recording import with_latency
-from sonocal.sweep import calibrate_points
+from sonocal.registration.options import Options
+from sonocal.registration.uncertainty import radius_95
+from sonocal.setup_checks.lag_fit import fit_lag
+from sonocal.setup_checks.moving_lines import moving_in_recording
+from sonocal.sweep import Posing, calibrate_points, tabulate
 
 LEAST_S, MOST_S = 0.05, 0.19
 TWENTY_SECONDS = {"frames": 400}
@@ -113,8 +118,6 @@ def outcome(name: str, seed: int) -> Outcome | None:
         for one in (found, known)
     )
     bounds = found.predict(corners)[1]
-    from sonocal.registration.uncertainty import radius_95
-
     return Outcome(
         off_s=found.latency_s - lag,
         covered=low <= lag <= high,
@@ -140,6 +143,26 @@ def row(name: str, seeds: Sequence[int]) -> str:
     )
 
 
+def interval(name: str, seeds: Sequence[int]) -> str:
+    """How often the interval holds the lag: of the fit alone, without a calibration."""
+    off, half = [], []
+    for seed in seeds:
+        options = TWENTY_SECONDS | ROWS[name][1]
+        lag = 0.0 if options.pop("none", False) else lag_of(seed)
+        scan = late_scan(seed, options.pop("hands", "usual"), lag, **options)
+        rows = tabulate(scan.recording, [NEEDLE], scan.detections).observations
+        segments, track = Posing().segments_mm(scan.recording, [NEEDLE]), np.zeros(len(rows), dtype=np.int64)
+        moving = moving_in_recording(point_line_rows(rows), scan.recording.times, segments, rows.frame, track)
+        found = fit_lag(moving, scan.truth, lag, Options(), 5.0)
+        off.append(found.latency_s - lag)
+        half.append(found.half_width_s)
+    away, wide = 1e3 * np.abs(off), 1e3 * np.array(half)
+    return (
+        f"| {name} | {np.sqrt(np.mean(away**2)):.2f} ms | +-{np.mean(wide):.2f} ms | "
+        f"{100 * np.mean(away <= wide):.1f} % of {len(away)} |"
+    )
+
+
 def rows(seeds: Sequence[int], word: str) -> Iterator[str]:
     """The table, row by row."""
     yield (
@@ -158,8 +181,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--scans", type=int, default=100)
     parser.add_argument("--first", type=int, default=5000, help="seed of the first scan")
     parser.add_argument("--rows", default="", help="only rows with this word")
+    parser.add_argument("--interval", action="store_true", help="of recordings, the interval alone: fast")
     asked = parser.parse_args(arguments)
-    for line in rows(range(asked.first, asked.first + asked.scans), asked.rows):
+    seeds = range(asked.first, asked.first + asked.scans)
+    some = (
+        interval(name, seeds) for name, (way, _) in ROWS.items() if way is of_points and asked.rows in name
+    )
+    for line in some if asked.interval else rows(seeds, asked.rows):
         print(line, flush=True)
 
 
