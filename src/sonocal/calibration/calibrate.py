@@ -12,11 +12,12 @@ from sonocal.calibration.evidence import set_up_findings
 from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
+from sonocal.calibration.lagged import LaggedTable, without_lag
 from sonocal.calibration.left_out import left_out_findings
 from sonocal.calibration.mixed import calibrate_mixed
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
-from sonocal.calibration.repeated import fit_distinct
+from sonocal.calibration.repeated import Repeated, fit_distinct
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
@@ -53,6 +54,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
             exhaustive_samples (200): up to this many samples are all tried.
             seed (0): of everything random; the same seed gives the same answer.
 
+            latency (None): "estimate": the lag of the tracker behind the images is fitted, too, by the rows' column
+            time_s, or by the velocities of their lines (vx0_mm_s ...).
+
             Which rows:
             fit_split (None): fit the rows of this split only; default: all but those of `test_split`.
             test_split (None): report the error of this split's rows, which are not fitted.
@@ -80,7 +84,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     Source: paper sections 5 to 9.
     """
-    asked = Options.of(**options)
+    observations, asked, late = without_lag(observations, Options.of(**options))
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
     if not given.lines_only:
         return calibrate_mixed(given, held_out, asked)
@@ -123,4 +127,13 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         partial(set_up_findings, found, rows, mapped),
     )
     found = replace(found, diagnostics=Findings(looks=looks))
-    return found if repeated is None else repeated.told_of(found, given)
+    return _as_given(found, given, repeated, late)
+
+
+def _as_given(
+    found: Calibration, given: Observations, *changed: Repeated | LaggedTable | None
+) -> Calibration:
+    """The calibration as that of the rows that were given, where others were fitted."""
+    for one in changed:
+        found = found if one is None else one.told_of(found, given)
+    return found

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST
 from sonocal.geometry.shown import brief
-from sonocal.registration.options import Model, Weighting, positive_number, true_or_false
+from sonocal.registration.options import Model, Weighting, one_of, positive_number, true_or_false
 from sonocal.registration.options import Options as RegistrationOptions
 
 __all__ = ["Keywords", "Options", "kept_options"]
@@ -37,6 +37,7 @@ class Keywords(TypedDict, total=False):
     scanner_mm_per_px: float | tuple[float, float] | None
     marker_above_image: bool
     expected_rotation: ArrayLike | None
+    latency: Literal["estimate"] | None
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Options(RegistrationOptions):
     scanner_mm_per_px: float | tuple[float, float] | None = None
     marker_above_image: bool = False
     expected_rotation: tuple[tuple[float, ...], ...] | None = None
+    latency: Literal["estimate"] | None = None
 
     __repr__ = brief
 
@@ -75,6 +77,8 @@ class Options(RegistrationOptions):
         self._keep("marker_above_image", true_or_false("marker_above_image", self.marker_above_image))
         if self.expected_rotation is not None:
             self._keep("expected_rotation", _rotation(self.expected_rotation))
+        if self.latency is not None:
+            self._keep("latency", one_of("latency", self.latency, ("estimate",)))
 
     def resolved(self, threshold_mm: float) -> Self:
         """The same with the threshold in mm that "auto" came to."""

@@ -54,7 +54,8 @@ class Calibration(InSession):
         fit, test: errors of the fitted and of the held-out rows.
         residuals_mm, inlier: (N,), of the fitted rows in the order given.
         diagnostics: what to know before use, warnings first; of a fresh one, looked for when they are first read.
-        latency_s: the tracker's lag behind the image, or None when not estimated.
+        latency_s: how much later the tracker stamps an instant than the images do, where that was undone; or None.
+        latency_interval_s: the 95 % interval of that, where it was estimated with the calibration; or None.
         options: those it was made with; of the threshold, the mm that "auto" came to.
         provenance: input, options as the file keeps them, and versions.
     """
@@ -70,6 +71,7 @@ class Calibration(InSession):
     inlier: NDArray[np.bool_]
     diagnostics: Sequence[Diagnostic] = ()
     latency_s: float | None = None
+    latency_interval_s: tuple[float, float] | None = None
     image_size_px: tuple[int, ...] | None = None
     seen_px: Array | None = None
     options: Options = field(default_factory=Options)
@@ -248,6 +250,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         residuals_mm=calibration.residuals_mm.tolist(),
         inlier=calibration.inlier.tolist(),
         latency_s=calibration.latency_s,
+        latency_interval_s=calibration.latency_interval_s,
         certificate=calibration.certificate,
         diagnostics=list(calibration.diagnostics),
         provenance=calibration.provenance
@@ -338,6 +341,7 @@ def _from_record(record: Record) -> Calibration:
         inlier=inlier,
         diagnostics=tuple(record.diagnostics),
         latency_s=record.latency_s,
+        latency_interval_s=record.latency_interval_s,
         options=options,
         provenance=record.provenance,
         _certificate=LazyCertificate.known(record.certificate),
