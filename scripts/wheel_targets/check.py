@@ -8,11 +8,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from compare import ANSWERS, MOST_APART, Numbers, apart
-from interpreters import Interpreter, interpreters
+from interpreters import VERSIONS, Interpreter, interpreters
 from targets import FLOOR, STABLE, TARGETS
 from tools import ROOT, WheelError, host, run, tools
 from trial import Trial
@@ -59,9 +59,25 @@ def tried(wheel: Path, python: Interpreter, expected: Numbers, *, tests: bool) -
     return f"{said}, {trial.tests()}" if tests else said
 
 
-def reports(wheels: list[Path], targets: list[str], expected: Numbers, *, tests: bool) -> Iterator[str]:
+def of_the_source(python: Path) -> Numbers:
+    """The numbers of the build from source.
+
+    Raises:
+        WheelError: there is none.
+    """
+    if not python.exists():
+        raise WheelError(
+            f"{python}: is not there; scripts/demo builds from source, or --source names another CPython that has it"
+        )
+    numbers: Numbers = json.loads(run([python, ANSWERS]))["numbers"]
+    return numbers
+
+
+def reports(
+    wheels: list[Path], targets: list[str], versions: Sequence[str], expected: Numbers, *, tests: bool
+) -> Iterator[str]:
     """A line for each CPython, run or not."""
-    for python in interpreters(targets):
+    for python in interpreters(targets, versions):
         if isinstance(python, str):
             yield python
         elif wheel := wheel_for(python, wheels):
@@ -75,6 +91,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"of {', '.join(TARGETS)}; all of them")
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="the folder with the wheels; dist")
+    parser.add_argument(
+        "--python",
+        action="append",
+        choices=VERSIONS,
+        help="a CPython to run, may be given again; all of them",
+    )
     parser.add_argument("--no-tests", action="store_true", help="only the demo and the numbers")
     parser.add_argument("--look", action="store_true", help="run none")
     parser.add_argument(
@@ -90,8 +112,8 @@ def main() -> None:
         raise WheelError(f"{asked.out}: holds no wheels of {', '.join(targets)}; scripts/wheels makes them")
     looked_into(wheels)
     if not asked.look:
-        answers = json.loads(run([asked.source, ANSWERS]))
-        for line in reports(wheels, targets, answers["numbers"], tests=not asked.no_tests):
+        expected = of_the_source(asked.source)
+        for line in reports(wheels, targets, asked.python or VERSIONS, expected, tests=not asked.no_tests):
             print(line, flush=True)
 
 

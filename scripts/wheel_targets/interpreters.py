@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +11,9 @@ from debian import unpacked
 from targets import TARGETS
 from tools import WheelError, host
 
-__all__ = ["Interpreter", "interpreters"]
+__all__ = ["VERSIONS", "Interpreter", "interpreters"]
 
-VERSIONS = ((3, 11), (3, 12), (3, 13), (3, 14))
+VERSIONS = ("3.11", "3.12", "3.13", "3.14")
 # Debian's releases have one each.
 RELEASES = {(3, 11): "bookworm", (3, 13): "trixie", (3, 14): "forky"}
 MACHINES = {"linux-x86_64": "amd64", "linux-arm64": "arm64"}
@@ -40,15 +40,16 @@ class Interpreter:
         return [f"manylinux_2_{minor}_{machine}" for minor in (28, 27, 24, 17)] + [f"manylinux2014_{machine}"]
 
 
-def interpreters(targets: list[str]) -> Iterator[Interpreter | str]:
-    """All that can be had for some targets; for others, why not."""
+def interpreters(targets: Iterable[str], versions: Iterable[str]) -> Iterator[Interpreter | str]:
+    """All that can be had for some targets, of some of `VERSIONS`; for others, why not."""
+    minors = [int(version.removeprefix("3.")) for version in versions]
     for target in targets:
         if target not in MACHINES:
             yield f"{target}: not run, there is no such system here; its wheels are looked into"
         elif target == "linux-arm64" and not shutil.which("qemu-aarch64-static"):
             yield f"{target}: not run, qemu-aarch64-static is missing (Debian: apt install qemu-user-static)"
         else:
-            yield from (_found(target, version) for version in VERSIONS)
+            yield from (_found(target, (3, minor)) for minor in minors)
 
 
 def _found(target: str, version: tuple[int, int]) -> Interpreter | str:

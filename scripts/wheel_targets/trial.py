@@ -59,11 +59,11 @@ def _install(wheel: Path, python: Interpreter, site: Path) -> None:
     """The wheel with what it needs, as pip chooses it for that CPython and machine."""
     major, minor = python.version
     abis = [f"cp{major}{minor}", "abi3", "none"]
-    options = [
+    options: list[str | Path] = [
         *("--target", site, "--only-binary", ":all:", "--implementation", "cp"),
         *("--python-version", f"{major}.{minor}"),
         *(part for abi in abis for part in ("--abi", abi)),
         *(part for platform in python.platforms for part in ("--platform", platform)),
     ]
-    pip = [tools(), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    pip: list[str | Path] = [tools(), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     run([*pip, *options, wheel, "pytest", "hypothesis"])

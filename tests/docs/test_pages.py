@@ -10,6 +10,7 @@ import pytest
 from scripts.check_imports import EVERYONE, ROOMS
 
 from docs import draw_rooms
+from sonocal.report.session import FIGURES
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -51,6 +52,11 @@ def test_modules_that_are_run_exist(page):
 def test_scripts_that_are_run_exist(page):
     for name in re.findall(r"(?<![\w/])((?:scripts|\.ci)/[\w.]+)", TEXTS[page]):
         assert (ROOT / name.rstrip(".")).exists(), name
+
+
+def test_the_page_to_begin_with_names_every_figure():
+    rows = re.findall(r"^\| (`\".*) \|", TEXTS[Path("docs/first-calibration.md")], flags=re.MULTILINE)
+    assert set(re.findall(r'`"(\w+)"`', " ".join(rows))) == set(FIGURES)
 
 
 def test_functions_stand_in_the_files_that_the_walk_names():

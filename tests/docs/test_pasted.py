@@ -83,11 +83,13 @@ def clear_output(words):
 def run_command(typed, files):
     if typed in NOT_RUN:
         return
-    words = shlex.split(INSTEAD.get(typed, typed))
+    command, _, piped = INSTEAD.get(typed, typed).partition(" < ")
+    words = shlex.split(command)
     assert words[0] == "sonocal", f"{typed}: is neither run nor among those that are not"
     copy_of(files, Path())
     clear_output(words)
-    done = CliRunner(env={"TERM": "dumb"}).invoke(main, words[1:], catch_exceptions=False)
+    given = Path(piped).read_bytes() if piped else None
+    done = CliRunner(env={"TERM": "dumb"}).invoke(main, words[1:], input=given, catch_exceptions=False)
     assert done.exit_code == 0, f"{typed}\n{done.output}"
 
 

@@ -14,6 +14,7 @@ from sonocal.calibration import calibration_json, parse_calibration
 from sonocal.cli.screen.calibration import print_calibration
 from sonocal.registration.uncertainty import quantile_95
 from sonocal.report import plot_residuals_by_frame, plot_residuals_over_image, plot_tilts, report_html
+from sonocal.report.templates import EXPLAINED
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import give_verdict, validate
 from tests.builders.calibrations import parted_rows, slipped_rows
@@ -30,7 +31,7 @@ def typeset(sentence):
 def shown(text):
     """The verdict, what to expect and the reasons of a page."""
     block = text[text.index('<div class="verdict') : text.index("</div>")]
-    reasons = re.findall(r"<li>(.*?)\.</li>", block)
+    reasons = re.findall(r"<li>(.*?)\. <span", block)
     return re.search(r"<strong>(.*?)</strong>\s*<p>(.*?)</p>", block).groups(), reasons
 
 
@@ -57,8 +58,17 @@ def test_the_report_gives_the_one_verdict_with_its_reasons_with_and_without_rows
     whole = page(found, rows, validate(found, rows, resample=False))
     assert shown(whole) == expected
     assert shown(page(found)) == expected
+
+
+@pytest.mark.parametrize("name", ["outliers", "auto", "slipped", "held out", "3D"])
+def test_a_finding_is_told_once_with_the_section_that_explains_it(name):
+    rows, options = scans()[name]
+    found = sc.calibrate(rows, **options)
+    whole = page(found, rows, validate(found, rows, resample=False))
     for finding in found.diagnostics:
-        assert whole.count(f">{finding.code}<") == 1, finding.code
+        assert whole.count(f'title="{finding.anchor}">{finding.code}<') == 1
+        assert whole.count(typeset(finding.message[1:])) == whole.count(typeset(finding.advice[1:])) == 1
+    assert whole.count(EXPLAINED) == bool(found.diagnostics)
 
 
 @pytest.mark.parametrize("threshold_mm", [3.0, 5.0, "auto"])
@@ -72,6 +82,16 @@ def test_rows_beyond_the_threshold_that_was_used_are_marked(threshold_mm):
     drawn = {line.get_label(): len(line.get_xdata()) for line in axis.get_lines()}
     assert drawn["rows"] == found.fit.inliers
     assert drawn[f"beyond {found.threshold_mm:g} mm"] == len(rows) - found.fit.inliers
+
+
+def test_the_rms_is_on_the_axis_where_all_rows_are_far_off():
+    from matplotlib.figure import Figure
+
+    rows, _ = scans()["outliers"]
+    found = sc.calibrate(rows)
+    axis = Figure().add_subplot()
+    plot_residuals_by_frame(axis, found, dataclasses.replace(rows, segments_mm=rows.segments_mm + 500.0))
+    assert found.fit.rms_mm < axis.get_ylim()[1]
 
 
 def test_figures_of_a_file_read_back_are_the_same():

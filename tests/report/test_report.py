@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import shutil
 import sys
 
 import numpy as np
@@ -26,8 +25,8 @@ from sonocal.report.pictures import (
 )
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import compare, give_verdict, validate
+from tests.builders.browser import CHROMIUM, opened
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 # Of the task: a page that opens at once and goes through any mail.
 MOST_BYTES = 3_000_000
 
@@ -131,32 +130,13 @@ def test_a_calibration_alone_and_one_with_other_rows_have_one_too(scan):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium; apt install chromium")
 def test_a_browser_opens_it_without_a_request_or_an_error(page, tmp_path):
-    playwright = pytest.importorskip("playwright.sync_api")
     (tmp_path / "report.html").write_text(page, encoding="utf-8")
-    requests, troubles = [], []
-    with playwright.sync_playwright() as api:
-        browser = api.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-        )
-        tab = browser.new_page()
-        tab.on("request", lambda request: requests.append(request.url))
-        tab.on("console", lambda message: troubles.append(message.text))
-        tab.on("pageerror", lambda error: troubles.append(str(error)))
-        tab.goto((tmp_path / "report.html").as_uri())
-        overflow = tab.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        tab.set_viewport_size({"width": 420, "height": 900})
-        narrow = tab.evaluate(
-            "[document.documentElement, ...document.querySelectorAll('table, figure, div')]"
-            ".map(one => one.scrollWidth - one.clientWidth)"
-        )
-        tab.emulate_media(media="print")
-        printed = tab.pdf(format="A4", prefer_css_page_size=True)
-        browser.close()
-    assert [url for url in requests if not url.startswith("data:")] == [(tmp_path / "report.html").as_uri()]
-    assert troubles == []
-    assert overflow <= 0
-    assert max(narrow) <= 1  # nothing is cut off, or hidden behind a bar; borders are rounded
-    assert printed.startswith(b"%PDF")
+    shown = opened(tmp_path / "report.html")
+    assert shown.requests == [(tmp_path / "report.html").as_uri()]
+    assert shown.troubles == []
+    assert shown.overflow <= 0
+    assert shown.narrow <= 1  # borders are rounded
+    assert shown.printed.startswith(b"%PDF")
 
 
 # The verdict

@@ -55,6 +55,8 @@ def main() -> None:
     """Calibrate a tracked ultrasound probe with a tracked needle.
 
     Start with "sonocal demo", then "sonocal calibrate observations.csv".
+
+    Warnings and notes have a code: docs/findings.md has a section for each.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Into a file or a pipe, Windows writes a code page that lacks letters which names of files may have.

@@ -11,6 +11,7 @@ from sonocal.errors import UnsupportedError
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.cli.from_recording import Result
+    from sonocal.cli.screen.existing import Section
     from sonocal.observations import Observations
     from sonocal.report import FrameImage
     from sonocal.validation import Comparison, Validation
@@ -28,21 +29,35 @@ def report_files(
     frames: Sequence[FrameImage] = (),
     *,
     name: str = "report.html",
+    other: str = "",
+    differences: Sequence[Section] = (),
 ) -> dict[str, bytes]:
     """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed.
 
-    Without numbers, the error of held-out rows, which the verdict weighs, is found here.
+    Without numbers, the error of held-out rows, which the verdict weighs, is found here. The rest is as `report_html`
+    has it.
     """
     from sonocal.report import report_html
     from sonocal.validation import validate
 
+    if rows is not None and not rows.lines_only:
+        rows = None  # figures of residuals are of lines
     if numbers is None and rows is not None:
         numbers = validate(calibration, rows, resample=False)
     try:
-        return {name: report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
+        page = report_html(
+            calibration,
+            rows,
+            numbers,
+            comparison=comparison,
+            other=other,
+            differences=differences,
+            frames=frames,
+        )
     except UnsupportedError as error:
         say(f"Note: {error}", err=True)
         return {}
+    return {name: page}
 
 
 def json_with_verdict(calibration: Calibration, content: bytes) -> dict[str, Any]:

@@ -113,7 +113,7 @@ def plot_residuals_by_frame(
     distances = line_distances(calibration.probe_from_image, observations)
     threshold = calibration.threshold_mm
     agree = distances <= threshold
-    top = 1.3 * max(float(distances[agree].max(initial=0.0)), 1e-3)
+    top = 1.3 * max(float(distances[agree].max(initial=calibration.fit.rms_mm)), 1e-3)
     axis.plot(
         observations.frame[agree],
         distances[agree],

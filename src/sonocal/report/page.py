@@ -14,6 +14,7 @@ from sonocal.calibration import Calibration
 from sonocal.calibration.diagnostics import describe_motion
 from sonocal.calibration.lagged import lag_in_words
 from sonocal.errors import UnsupportedError, require
+from sonocal.findings import Diagnostic
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import scale_95, weakest_motion
@@ -27,6 +28,9 @@ from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["report_html"]
 
+# A title, the names of the numbers (mm), a place in px and the numbers there, sentences.
+Difference = tuple[str, Sequence[str], Sequence[tuple[str, Sequence[str]]], Sequence[str]]
+
 
 def report_html(
     calibration: Calibration,
@@ -34,6 +38,8 @@ def report_html(
     validation: Validation | None = None,
     *,
     comparison: Comparison | None = None,
+    other: str = "",
+    differences: Sequence[Difference] = (),
     frames: Sequence[FrameImage] = (),
     title: str = "Probe calibration",
 ) -> bytes:
@@ -44,6 +50,8 @@ def report_html(
         observations: the rows it was fitted to, and held-out ones; without them there are no residual figures.
         validation: its numbers.
         comparison: with another calibration.
+        other: what that one is called, such as its file.
+        differences: from matrices of other software.
         frames: images to show, with detections and needles.
         title: of the page.
 
@@ -70,9 +78,12 @@ def report_html(
         cal=calibration,
         validation=validation,
         comparison=comparison,
+        other=other,
+        differences=differences,
         errors=_errors(calibration),
         standing=(CANNOT_SHOW, cannot_show(calibration)),
-        findings=[*calibration.diagnostics, *(validation.diagnostics if validation else ())],
+        reasons=list(zip(verdict.codes, verdict.reasons, strict=True)),
+        findings=_beside_the_verdict(calibration, validation),
         figures=drawn,
         pictures=pictures,
         matrix=calibration.probe_from_image.matrix,
@@ -81,6 +92,12 @@ def report_html(
         provenance=_provenance(calibration, validation),
         made=made,
     )
+
+
+def _beside_the_verdict(calibration: Calibration, validation: Validation | None) -> list[Diagnostic]:
+    """What was found and is no reason of the verdict: of that, the verdict tells every warning."""
+    found = [*calibration.diagnostics, *(validation.diagnostics if validation else ())]
+    return [finding for finding in found if finding.severity != "warning"]
 
 
 def _drawn(calibration: Calibration, observations: Observations | None) -> dict[str, str]:

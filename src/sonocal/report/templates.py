@@ -7,10 +7,12 @@ from importlib.resources import files
 from typing import Any
 
 from sonocal.errors import UnsupportedError
-from sonocal.findings import begun
+from sonocal.findings import PAGE, anchor_of, begun
 from sonocal.report.style import DETECTED, TRACKED
 
 __all__ = ["filled", "now"]
+
+EXPLAINED = f"Each code has a section in {PAGE} of sonocal's documentation: why it matters, and what to do."
 
 
 def now() -> str:
@@ -32,11 +34,18 @@ def filled(template: str, **values: Any) -> bytes:
         ) from None
     loader = jinja2.FunctionLoader(lambda name: files("sonocal.report").joinpath(name).read_text("utf-8"))
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"typeset": _typeset, "begun": begun}
-    colours = {"detected_colour": DETECTED, "tracked_colour": TRACKED}
-    return environment.get_template(template).render(**colours, **values).encode()
+    environment.filters |= {"typeset": _typeset, "begun": begun, "coded": _coded}
+    always = {"detected_colour": DETECTED, "tracked_colour": TRACKED, "explained": EXPLAINED}
+    return environment.get_template(template).render(**always, **values).encode()
 
 
 def _typeset(sentence: str) -> str:
     """A sentence of the terminal's letters in those of a page."""
     return sentence.replace("+-", "\N{PLUS-MINUS SIGN}")
+
+
+def _coded(code: str) -> Any:
+    """A finding's code, which says where the documentation explains it when it is pointed at."""
+    from markupsafe import Markup
+
+    return Markup('<span class="code" title="{}">{}</span>').format(anchor_of(code), code)
