@@ -19,7 +19,7 @@ from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.repeated import Repeated, fit_distinct
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import image_area, known_levels, split_rows
+from sonocal.calibration.rows import image_area, known_levels
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Findings
 from sonocal.observations import Observations
@@ -84,8 +84,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     Source: paper sections 5 to 9.
     """
-    observations, asked, late = without_lag(observations, Options.of(**options))
-    given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
+    given, held_out, asked, late = without_lag(observations, Options.of(**options))
     if not given.lines_only:
         return calibrate_mixed(given, held_out, asked)
     # The transform that most rows agree with, refined on those that do.

@@ -13,7 +13,7 @@ from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import check_rows, line_distances, point_line_rows, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.calibration.widened import widened
-from sonocal.errors import NoConsensusError, require
+from sonocal.errors import NoConsensusError, UnsupportedError
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import refuse_degenerate_lines
@@ -59,26 +59,31 @@ class LaggedTable:
 
 def without_lag(
     observations: Observations, options: Options
-) -> tuple[Observations, Options, LaggedTable | None]:
-    """The rows with their lines where a lag that is to be estimated leads, and the options without it.
-
-    As they are, and None, where none is to be.
+) -> tuple[Observations, Observations | None, Options, LaggedTable | None]:
+    """The rows to fit, those held out, how to fit them, and the lag that was undone in both, if one is asked for.
 
     Raises:
-        InputError: they are no table of sightings, or it tells nothing of how its lines moved.
+        InputError: there is no such split, or the table tells nothing of how its lines moved.
         DegenerateGeometryError: they did not, so that no lag shows; or the sightings leave a motion free.
         NoConsensusError: rows agree under no lag.
+        UnsupportedError: a lag is asked for, and some of the targets are no lines.
     """
-    require("observations", observations, Observations)
+    given, held_out = split_rows(observations, options.fit_split, options.test_split)
     if options.latency is None:
-        return observations, options, None
-    check_rows(split_rows(observations, options.fit_split, options.test_split)[0], options.model)
+        return given, held_out, options, None
+    if not observations.lines_only:
+        raise UnsupportedError(
+            f"{observations.source}: has points or planes among its targets; a lag is estimated of lines alone: "
+            "calibrate without --latency estimate"
+        )
+    check_rows(given, options.model)
     rows = moving_in_table(observations, point_line_rows(observations))
     lag = lag_of_rows(rows.select(_fitted(observations, options)), options, observations.source)
     moved = rows.lines.at(rows.track, rows.time + lag.latency_s)
     there = observations.with_sound(segments_mm=moved.segments_mm)
-    known = moved.usable
-    return there.select(known), replace(options, latency=None), LaggedTable(lag, there, known)
+    late = LaggedTable(lag, there, moved.usable)
+    known = there.select(moved.usable)
+    return *split_rows(known, options.fit_split, options.test_split), replace(options, latency=None), late
 
 
 def rows_at_lag(observations: Observations, latency_s: float) -> Observations:
