@@ -42,6 +42,8 @@ CODES = {
     "anisotropic-scale": "mm/px differ along the image's axes",
     "anisotropic-scale-far-off": "with mm/px of its own along every axis the answer is another one",
     "image-distortion": "residuals are not alike all over the image",
+    "sound-speed": "what the speed of sound does to a curved probe's image",
+    "sound-speed-doubtful": "the speed of sound is not what it is said or found to be",
     "slice-thickness": "first echoes of a thick slice lie too shallow",
     "bent-needle": "residuals follow the place along the needle",
     "drifting-residuals": "neighbouring frames repeat one another's error",

@@ -6,6 +6,7 @@ from sonocal.calibration.fit import FittedRows, fit_rows
 from sonocal.calibration.options import Options
 from sonocal.calibration.result import Calibration, calibration_json, load_calibration, parse_calibration
 from sonocal.calibration.rows import line_distances, point_line_rows
+from sonocal.calibration.sound import Sound, seen_at_assumed_speed
 from sonocal.calibration.statistics import ErrorStatistics
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "ErrorStatistics",
     "FittedRows",
     "Options",
+    "Sound",
     "calibrate",
     "calibration_json",
     "evidence_of",
@@ -21,4 +23,5 @@ __all__ = [
     "load_calibration",
     "parse_calibration",
     "point_line_rows",
+    "seen_at_assumed_speed",
 ]

@@ -51,7 +51,7 @@ def anisotropy_findings(
         return
     wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
-    if any(diagnose_anisotropy(wider.transform.scales, _least_covariance(wider))):
+    if any(diagnose_anisotropy(wider.transform.scales, wider.least_covariance)):
         noise = estimate_noise(table, wider, groupings.labels, time=groupings.time)
         # What few independent errors leave unknown is in a drift's covariance already, and the scan is warned of.
         significant = SIGNIFICANT if noise.drift is None else NORMAL_95
@@ -103,8 +103,8 @@ def diagnose_anisotropy(
             "where the fitted model has one scale" + _speed_of_sound(-ratio)
         ),
         advice=(
-            "for a linear probe or a resampled image, calibrate with the anisotropic model; "
-            "else check the pixels' aspect ratio and the speed of sound"
+            "for a linear probe or a resampled image, calibrate with the anisotropic model; for a curved probe, with "
+            "its radius and the speed of sound (--probe-radius-mm, --sound-speed); else check the pixels' aspect ratio"
         ),
     )
 
@@ -133,7 +133,8 @@ def diagnose_voxels(found: AxisScales) -> Iterator[Diagnostic]:
         ),
         advice=(
             "resample the volume to voxels that are as long along every axis, or check the spacing that its file "
-            "states and the speed of sound, then calibrate again"
+            "states, then calibrate again; for a curved probe with its radius and the speed of sound "
+            "(--probe-radius-mm, --sound-speed)"
         ),
     )
 
@@ -147,11 +148,3 @@ def _speed_of_sound(ratio: float) -> str:
         f"; sound of {speed:.0f} m/s where the scanner assumes {ASSUMED_M_S:.0f} would do that to depth along v "
         f"(water at 20 C: {WATER_M_S:.0f} m/s)"
     )
-
-
-def _least_covariance(fit: Fit) -> Array:
-    """The tangent's covariance if rows shared no error."""
-    if fit.weighting == "likelihood":
-        return fit.covariance
-    freedom = 2 * int(fit.inlier.sum()) - len(fit.covariance)
-    return fit.covariance * float(np.sum(fit.residuals_mm[fit.inlier] ** 2)) / freedom

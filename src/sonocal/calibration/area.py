@@ -9,6 +9,7 @@ import numpy as np
 from sonocal.calibration.result import Calibration
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.observations.outside import outside_findings
 
 __all__ = ["area_findings", "corner_of", "expected_errors", "in_mm"]
 
@@ -47,8 +48,14 @@ def corner_of(area_name: str) -> str:
     return "an image corner" if area_name == "image" else f"a corner of the {area_name}"
 
 
-def area_findings(calibration: Calibration) -> Iterator[Diagnostic]:
-    """An area seen that is a band: what the image is beyond it is a guess, however sure the band is."""
+def area_findings(calibration: Calibration, points_px: Array) -> Iterator[Diagnostic]:
+    """Points outside of the image; and an area seen that is a band: what the image is beyond it is a guess.
+
+    Args:
+        calibration: of which the image is asked.
+        points_px: (N, d), of the rows that agree.
+    """
+    yield from outside_findings(points_px, calibration.image_size_px)
     seen = calibration.seen_px
     if seen is None:
         return

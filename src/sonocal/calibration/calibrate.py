@@ -9,7 +9,7 @@ from typing import Unpack
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
-from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
+from sonocal.calibration.few_targets import few_fixed_targets
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.lagged import LaggedTable, without_lag
@@ -21,9 +21,9 @@ from sonocal.calibration.repeated import Repeated, fit_distinct
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, known_levels
 from sonocal.calibration.statistics import ErrorStatistics
+from sonocal.calibration.through_sound import calibrate_through_sound
 from sonocal.findings import Findings
 from sonocal.observations import Observations
-from sonocal.observations.outside import outside_findings
 from sonocal.registration.ambiguity import beside_rival
 from sonocal.registration.certificate import LazyCertificate, certificate_of
 from sonocal.registration.degeneracy import refuse_apparent
@@ -73,6 +73,14 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
             expected_rotation (None): (3, 3), roughly, the directions of u, v and normal in the marker's frame,
             as columns.
 
+            What is known of the sound, where the scanner assumes another speed than there was:
+            probe_radius_mm (None): radius of a curved probe's face.
+            sound_speed_m_s (None): in what was scanned; "estimate": found beside the calibration, from 1400 to 1650.
+            Of a curved probe only, by its radius; scanner_mm_per_px in all its digits makes it surer. The answer is
+            then for images in which sound runs as assumed.
+            assumed_sound_speed_m_s (1540.0): by the scanner.
+            probe_face_px (None): the middle of the transducer's face in the image. Default: of the image's top row.
+
     Returns:
         The calibration.
 
@@ -84,7 +92,10 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     Source: paper sections 5 to 9.
     """
-    given, held_out, asked, late = without_lag(observations, Options.of(**options))
+    asked = Options.of(**options)
+    if asked.sound_speed_m_s is not None:
+        return calibrate_through_sound(observations, asked, calibrate)
+    given, held_out, asked, late = without_lag(observations, asked)
     if not given.lines_only:
         return calibrate_mixed(given, held_out, asked)
     # The transform that most rows agree with, refined on those that do.
@@ -117,11 +128,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
 
     # What to know before use, looked for when it is first read.
     looks = (
-        partial(few_targets_finding, few),
         partial(fit_findings, found, mapped, fit, rival, groupings),
         partial(left_out_findings, table, fit, used, found.accepted),
-        partial(outside_findings, rows.points_px[fit.inlier], size),
-        partial(area_findings, found),
+        partial(area_findings, found, rows.points_px[fit.inlier]),
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
     )

@@ -11,6 +11,7 @@ from sonocal.calibration.anisotropy import anisotropy_findings
 from sonocal.calibration.area import corner_of
 from sonocal.calibration.bent import likeliest_of_needle
 from sonocal.calibration.distortion import likeliest_of_image
+from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
 from sonocal.calibration.groupings import Groupings
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.thickness import likeliest_of_slice
@@ -247,6 +248,7 @@ def fit_findings(
         groupings: what rows may share an error by.
     """
     noise, accepted = found.noise, found.accepted
+    yield from few_targets_finding(few_fixed_targets(mapped.table, fit.inlier))
     yield from diagnose_fit(fit.inlier, fit.threshold_mm, converged=fit.converged)
     yield from diagnose_rival(rival)
     yield from weakness_findings(mapped.table, fit.transform, fit.inlier, noise, accepted)

@@ -38,7 +38,8 @@ FORMS = {
 }
 OF_SCANNER = (
     "compare mm/px with the scanner's (--scanner-mm-per-px); check the temperature of the bath, its speed of sound, "
-    "the probe's geometry in the scanner's settings"
+    "the probe's geometry in the scanner's settings; for a curved probe say its radius and the speed of sound "
+    "(--probe-radius-mm, --sound-speed)"
 )
 OF_PICTURE = (
     "check how images are grabbed and resampled: a camera before the screen, a wrong stride of the pixels, a volume "

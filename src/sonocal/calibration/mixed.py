@@ -20,7 +20,6 @@ from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array, Similarity, area_places, homogeneous_points
 from sonocal.geometry.units import length_hints, scale_hints, scan_hints, unit_doubt
 from sonocal.observations import Observations
-from sonocal.observations.outside import outside_findings
 from sonocal.registration.constraints import rows_of_spanned
 from sonocal.registration.noise import Noise
 from sonocal.registration.register import Registration, register
@@ -95,8 +94,7 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
         partial(_few_targets, 0 if predicts else targets),
         partial(_weakness, calibration),
         partial(_units, calibration, rows, inlier),
-        partial(outside_findings, rows.points_px[inlier], size),
-        partial(area_findings, calibration),
+        partial(area_findings, calibration, rows.points_px[inlier]),
         _checks_of_lines,
     )
     return replace(calibration, diagnostics=Findings(looks=looks))

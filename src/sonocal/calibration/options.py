@@ -9,6 +9,7 @@ from typing import Any, Literal, Self, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sonocal.calibration.sound_options import ASSUMED_M_S, OF_SOUND, checked_sound
 from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST
 from sonocal.geometry.shown import brief
@@ -38,6 +39,10 @@ class Keywords(TypedDict, total=False):
     marker_above_image: bool
     expected_rotation: ArrayLike | None
     latency: Literal["estimate"] | None
+    probe_radius_mm: float | None
+    sound_speed_m_s: float | Literal["estimate"] | None
+    assumed_sound_speed_m_s: float
+    probe_face_px: tuple[float, ...] | None
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,10 @@ class Options(RegistrationOptions):
     marker_above_image: bool = False
     expected_rotation: tuple[tuple[float, ...], ...] | None = None
     latency: Literal["estimate"] | None = None
+    probe_radius_mm: float | None = None
+    sound_speed_m_s: float | Literal["estimate"] | None = None
+    assumed_sound_speed_m_s: float = ASSUMED_M_S
+    probe_face_px: tuple[float, ...] | None = None
 
     __repr__ = brief
 
@@ -79,6 +88,13 @@ class Options(RegistrationOptions):
             self._keep("expected_rotation", _rotation(self.expected_rotation))
         if self.latency is not None:
             self._keep("latency", one_of("latency", self.latency, ("estimate",)))
+        of_sound = [getattr(self, name) for name in OF_SOUND]
+        for name, value in checked_sound(self.model, *of_sound).items():
+            self._keep(name, value)
+
+    def without_sound(self) -> Self:
+        """The same for rows whose places are as at the speed of sound that the scanner assumes."""
+        return replace(self, probe_radius_mm=None, sound_speed_m_s=None, probe_face_px=None)
 
     def resolved(self, threshold_mm: float) -> Self:
         """The same with the threshold in mm that "auto" came to."""

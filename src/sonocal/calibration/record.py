@@ -6,6 +6,7 @@ from typing import Any, Literal, TypedDict
 
 import msgspec
 
+from sonocal.calibration.sound import Sound
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
 from sonocal.registration.certificate import Certificate
@@ -74,6 +75,7 @@ class Record(msgspec.Struct, kw_only=True):
     inlier: list[bool]
     latency_s: float | None
     latency_interval_s: tuple[float, float] | None = None
+    sound: Sound | None = None
     certificate: Certificate = "not shown"
     diagnostics: list[Diagnostic]
     provenance: dict[str, Any]

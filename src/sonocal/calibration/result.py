@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sonocal.calibration.in_session import InSession
 from sonocal.calibration.options import Options
 from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Kept, Record, Sigma
+from sonocal.calibration.sound import Sound
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import FormatError, InputError, UnsupportedError, require
 from sonocal.files import path_of, read_bytes, write_atomically
@@ -56,6 +57,8 @@ class Calibration(InSession):
         diagnostics: what to know before use, warnings first; of a fresh one, looked for when they are first read.
         latency_s: how much later the tracker stamps an instant than the images do, where that was undone; or None.
         latency_interval_s: the 95 % interval of that, where it was estimated with the calibration; or None.
+        sound: its speed in what was scanned, where the options say more of it than that it is as the scanner assumes:
+            `probe_from_image` is for images in which it is so.
         options: those it was made with; of the threshold, the mm that "auto" came to.
         provenance: input, options as the file keeps them, and versions.
     """
@@ -72,6 +75,7 @@ class Calibration(InSession):
     diagnostics: Sequence[Diagnostic] = ()
     latency_s: float | None = None
     latency_interval_s: tuple[float, float] | None = None
+    sound: Sound | None = None
     image_size_px: tuple[int, ...] | None = None
     seen_px: Array | None = None
     options: Options = field(default_factory=Options)
@@ -251,6 +255,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         inlier=calibration.inlier.tolist(),
         latency_s=calibration.latency_s,
         latency_interval_s=calibration.latency_interval_s,
+        sound=calibration.sound,
         certificate=calibration.certificate,
         diagnostics=list(calibration.diagnostics),
         provenance=calibration.provenance
@@ -342,6 +347,7 @@ def _from_record(record: Record) -> Calibration:
         diagnostics=tuple(record.diagnostics),
         latency_s=record.latency_s,
         latency_interval_s=record.latency_interval_s,
+        sound=record.sound,
         options=options,
         provenance=record.provenance,
         _certificate=LazyCertificate.known(record.certificate),

@@ -29,7 +29,11 @@ __all__ = [
 def split_rows(
     observations: Observations, fit_split: str | None, test_split: str | None
 ) -> tuple[Observations, Observations | None]:
-    """The rows to fit and those held out, by their split."""
+    """The rows to fit and those held out, by their split.
+
+    Raises:
+        InputError: there is no table, or a split is none of its.
+    """
     require("observations", observations, Observations)
     held_out = None if test_split is None else observations.select_split(test_split)
     if fit_split is not None:

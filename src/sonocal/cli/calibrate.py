@@ -44,6 +44,7 @@ from sonocal.cli.reading import ESTIMATE, OF_READING
 from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.cli.screen.plain import say_json
+from sonocal.cli.sound import OF_SOUND, of_sound
 from sonocal.cli.told import (
     ACCEPT_UNITS,
     EXPECTED,
@@ -79,6 +80,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
             "seed",
         ),
         "What is known of the set-up": (*SET_UP, "transform", "stored_as"),
+        "What is known of the sound, of a curved probe": OF_SOUND,
         "What is written and shown": ("output", "tolerance_mm", "report", "overwrite", "as_json"),
     },
     examples=(
@@ -86,6 +88,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
         "sonocal calibrate sweep.igs.mha --lines needle.toml -o calibration",
         "sonocal calibrate sweep.igs.mha --lines needle.toml --points points.csv -o from-points",
         "sonocal calibrate needle.csv --test-split test --scanner-mm-per-px 0.24 -o held-out",
+        "sonocal calibrate needle.csv --probe-radius-mm 60 --sound-speed 1482 -o in-water",
         "sonocal calibrate - -o piped < needle.csv",
     ),
 )
@@ -153,6 +156,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
 @SCANNER
 @MARKER_ABOVE
 @EXPECTED
+@of_sound
 @of_other_software
 @ACCEPT_UNITS
 @NO_REPORT

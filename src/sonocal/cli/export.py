@@ -12,6 +12,7 @@ from sonocal.cli.help import command
 from sonocal.cli.options import FILE, WRITTEN, console
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.screen.plain import say
+from sonocal.cli.sound import AS_SCANNED, as_scanned
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ __all__ = ["export"]
     "Write a calibration for PLUS, ITK or 3D Slicer.",
     groups={
         "What is read": ("transform", "stored_as"),
-        "What is written": ("form", "output", "into", "image", "probe", "force", "overwrite"),
+        "What is written": ("form", "output", "into", "image", "probe", "scanned", "force", "overwrite"),
     },
     examples=(
         "sonocal export calibration.json --to plus -o plus.xml",
@@ -52,6 +53,7 @@ __all__ = ["export"]
 @click.option(
     "--probe", default="Probe", show_default=True, help="plus: what the device set calls the probe's marker."
 )
+@AS_SCANNED
 @of_other_software
 @click.option("--force", is_flag=True, help="Export what the verdict says not to use, too.")
 @OVERWRITE
@@ -61,6 +63,7 @@ def export(
     output: Path,
     into: Path | None,
     *,
+    scanned: bool,
     force: bool,
     overwrite: bool,
     **options: Any,
@@ -75,18 +78,25 @@ def export(
     json    the calibration file, brought up to date
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.formats import calibration_in
+    from sonocal.export.content import which_images
     from sonocal.files import write_atomically
 
     if form != "plus" and into is not None:
         raise click.UsageError("--into is for --to plus")
+    if form == "json" and scanned:
+        raise click.UsageError("--as-scanned is for other software; calibration.json holds both maps")
     loaded = calibration_in(calibration, choice_of(options))
     reserve(output)
     refuse_choice(loaded)
     remark = _remark(calibration, loaded, force=force)
+    if scanned:
+        loaded = as_scanned(loaded, calibration)
     content = _content(loaded, form, output, into, (options["image"], options["probe"]))
     reserve(output)
     write_atomically(output, content)
     console().print(remark)
+    if images := which_images(loaded):
+        say(images)
     say(f"Wrote {output}")
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sonocal.calibration import Calibration
 from sonocal.existing import Existing
 from sonocal.geometry import Array
 from sonocal.validation import give_verdict
 
-__all__ = ["Content", "content_of"]
+__all__ = ["Content", "content_of", "which_images"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,4 +37,25 @@ def content_of(found: Calibration | Existing) -> Content:
         )
         return Content(found.matrix, remark.replace("--", "- -"), found.stated_error_mm)
     error = (found.test or found.fit).rms_mm
-    return Content(found.probe_from_image.matrix, give_verdict(found).remark, error)
+    remark = f"{give_verdict(found).remark} {which_images(found)}".rstrip()
+    return Content(found.probe_from_image.matrix, remark, error)
+
+
+def which_images(found: Calibration | Existing) -> str:
+    """For which images the map is, where sound ran at another speed than the scanner assumes; else nothing."""
+    if not isinstance(found, Calibration) or found.sound is None:
+        return ""
+    sound = found.sound
+    if (
+        np.allclose(found.probe_from_image.matrix, sound.as_scanned, rtol=1e-9, atol=0.0)
+        and sound.ratio != 1.0
+    ):
+        return (
+            f"The map is for images in which sound runs at {sound.speed_m_s:.0f} m/s where the scanner assumes "
+            f"{sound.assumed_m_s:.0f}: of all similarities it is the nearest, and off by up to "
+            f"{sound.as_scanned_off_mm:.1f} mm."
+        )
+    return (
+        f"The map is for images in which sound runs at {sound.assumed_m_s:.0f} m/s, as the scanner assumes, and not "
+        f"for those of the bath, where it ran at {sound.speed_m_s:.0f}."
+    )

@@ -60,6 +60,14 @@ class Fit:
         return replace(self.options, sigma_px=self.sigma_px or None, sigma_mm=self.sigma_mm or None)
 
     @property
+    def least_covariance(self) -> Array:
+        """(k, k), of the tangent, if rows shared no error."""
+        if self.weighting == "likelihood":
+            return self.covariance
+        freedom = 2 * int(self.inlier.sum()) - len(self.covariance)
+        return np.asarray(self.covariance * float(np.sum(self.residuals_mm[self.inlier] ** 2)) / freedom)
+
+    @property
     def weighting(self) -> Weighting:
         """What the refinement minimised."""
         return self.options.weighting

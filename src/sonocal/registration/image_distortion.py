@@ -28,6 +28,8 @@ class Distortion:
         size: how many times the form; deviation: of that.
         p_value: of none.
         moved: (k,), the tangent from the fit without it to the fit with it.
+        pulled: (k,), what of one of the form the transform takes up.
+        freedom: independent residuals to spare that the deviation rests on.
     """
 
     form: str
@@ -35,6 +37,8 @@ class Distortion:
     deviation: float
     p_value: float
     moved: Array
+    pulled: Array
+    freedom: float
 
 
 def likeliest_distortion(
@@ -90,6 +94,8 @@ def likeliest_distortion(
         deviation=deviation,
         p_value=float(2.0 * stdtr(max(freedom / alike, 1.0), -abs(sizes[best]) / deviation)),
         moved=-np.linalg.lstsq(jacobian, residuals - sizes[best] * columns[:, best], rcond=None)[0],
+        pulled=np.asarray(np.linalg.lstsq(jacobian, columns[:, best], rcond=None)[0]),
+        freedom=max(freedom / alike, 1.0),
     )
 
 

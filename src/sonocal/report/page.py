@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from sonocal.calibration import Calibration
+from sonocal.calibration import Calibration, seen_at_assumed_speed
 from sonocal.calibration.diagnostics import describe_motion
 from sonocal.calibration.lagged import lag_in_words
 from sonocal.errors import UnsupportedError, require
@@ -63,6 +63,8 @@ def report_html(
         raise UnsupportedError(
             f"the report needs {error.name}, which is not installed; pip install matplotlib jinja2, or --no-report"
         ) from None
+    if observations is not None:
+        observations = seen_at_assumed_speed(calibration.sound, observations)
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]

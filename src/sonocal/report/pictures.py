@@ -94,9 +94,12 @@ def _tracked(calibration: Calibration, frame: FrameImage) -> list[Array]:
     # Rows of one needle share its segment.
     segments = np.unique(frame.segments_mm, axis=0)
     if calibration.dimension == 3:
-        met = needle_in_volume(calibration.probe_from_image, calibration.area_px, segments)[..., :2]
+        met = needle_in_volume(calibration.probe_from_image, calibration.area_px, segments)
     else:
         met = needle_in_image(calibration.probe_from_image, segments)[:, None]
+    if calibration.sound is not None:  # the picture is as scanned
+        met = calibration.sound.in_image(met.reshape(-1, calibration.dimension)).reshape(met.shape)
+    met = met[..., :2]
     height, width = frame.image.shape
     inside = np.all((met >= -0.5) & (met <= [width - 0.5, height - 0.5]), axis=(1, 2))
     return list(met[inside])

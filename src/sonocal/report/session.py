@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sonocal.calibration import Calibration
+from sonocal.calibration import Calibration, seen_at_assumed_speed
 from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.files import path_of, write_atomically
 from sonocal.geometry.cards import card, heat_svg, matrix_html
@@ -103,6 +103,7 @@ def plot(
     draw, projection, of_rows = FIGURES[what]
     if observations is not None:
         require("observations", observations, Observations)
+        observations = seen_at_assumed_speed(calibration.sound, observations)
     elif of_rows:
         raise InputError(
             f"observations must be given for {what!r}: the table of sightings that was calibrated on"

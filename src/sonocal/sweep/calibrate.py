@@ -20,7 +20,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from sonocal.calibration import Calibration, calibrate
+from sonocal.calibration import Calibration, calibrate, seen_at_assumed_speed
 from sonocal.calibration.lagged import lag_of_rows, with_lag
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
@@ -172,7 +172,8 @@ class Sweep:
                 table, self.options, total, look, most_mm=most_mm, across=across, start=start
             )
         judged = suspects.judging(found.calibration, found.used, found.sightings)
-        wider = with_pose_errors(judged, found.observations, self.recording, self.options.posing)
+        rows = seen_at_assumed_speed(judged.sound, found.observations)
+        wider = with_pose_errors(judged, rows, self.recording, self.options.posing)
         recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
 
@@ -190,7 +191,8 @@ class Sweep:
         chosen = most_used([partial(self.at_lag(one).calibrate, detections, start) for one in tried])
         lag = lag_of_rows(moving_rows(recording, lines, chosen, segments), self.options, recording.name)
         found = self.at_lag(lag.latency_s).calibrate(detections, lag.fit.transform)
-        return replace(found, calibration=with_lag(found.calibration, lag, found.observations))
+        rows = seen_at_assumed_speed(found.calibration.sound, found.observations)
+        return replace(found, calibration=with_lag(found.calibration, lag, rows))
 
     def _across(self) -> Array | None:
         """(N, 2, 3): of the only needle, two axes across it that turn with it, in the probe marker's frame."""
@@ -254,9 +256,10 @@ def calibrate_points(
     found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
         sightings.diagnostics
     )
-    found = with_pose_errors(found, sightings.observations, recording, asked.posing)
+    rows = seen_at_assumed_speed(found.sound, sightings.observations)
+    found = with_pose_errors(found, rows, recording, asked.posing)
     found = _as_recorded(found, recording, known, asked.probe)
-    return found if lag is None else with_lag(found, lag, sightings.observations), sightings.observations
+    return found if lag is None else with_lag(found, lag, rows), sightings.observations
 
 
 def _lines_alone(targets: object, detections: Detections) -> bool:

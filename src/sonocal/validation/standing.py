@@ -16,7 +16,7 @@ CANNOT_SHOW = "What these numbers cannot show"
 def cannot_show(calibration: Calibration) -> tuple[str, ...]:
     """What fits as well as the truth, each a sentence with what to compare: true of every calibration, no warning."""
     require("calibration", calibration, Calibration)
-    return (_orientation(calibration), _shared_offset(), _size(calibration), _speed_of_sound())
+    return (_orientation(calibration), _shared_offset(), _size(calibration), _speed_of_sound(calibration))
 
 
 def _orientation(calibration: Calibration) -> str:
@@ -66,11 +66,18 @@ def _shared_offset() -> str:
     )
 
 
-def _speed_of_sound() -> str:
+def _speed_of_sound(calibration: Calibration) -> str:
     # Water: Del Grosso and Mader 1972. What is left in a curved probe's residuals: docs/trust.md.
+    if (sound := calibration.sound) is not None:
+        who = "by the rows" if sound.estimated else "as given"
+        return (
+            f"Places were corrected for sound of {sound.speed_m_s:.0f} m/s {who}: compare with the bath's temperature "
+            f"(water of 20 degrees C: 1482). The calibration is for images in which it runs at {sound.assumed_m_s:.0f}."
+        )
     return (
         "Scanners take sound for 1540 m/s fast; in water of 20 degrees C it is 1482, and depths are shown 3.9 % too "
-        "large. A curved probe's fit takes most of that up as a shift and a scale: mind the bath's temperature."
+        "large. A curved probe's fit takes most of that up as a shift and a scale: mind the bath's temperature, or say "
+        "the probe's radius and the speed with --probe-radius-mm and --sound-speed."
     )
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sonocal.calibration import Calibration, evidence_of, line_distances
+from sonocal.calibration import Calibration, evidence_of, line_distances, seen_at_assumed_speed
 from sonocal.calibration.held_out import held_out_findings
 from sonocal.errors import InputError, SonocalError, require
 from sonocal.findings import Diagnostic, warnings_first
@@ -105,7 +105,8 @@ def validate(
 
     Rows that were fitted (the calibration's own input) give leave-one-out errors and repeatability; rows that
     were not give the held-out error, and PLUS's where the wires form Ns. What these rows say against the
-    calibration, and what is known now of the set-up and was not when it was made, is among the findings.
+    calibration, and what is known now of the set-up and was not when it was made, is among the findings. Of a
+    calibration that knows of another speed of sound the rows must be of images in which it is the same.
 
     Args:
         calibration: the calibration.
@@ -129,6 +130,7 @@ def validate(
             f"{observations.source}: is of a {observations.dimension}D probe and the calibration of a "
             f"{calibration.dimension}D one"
         )
+    observations = seen_at_assumed_speed(calibration.sound, observations)
     fitted, unseen = fitted_and_held_out(calibration, observations, split)
     attempts = _Attempts()
     if unseen is not None:
@@ -185,6 +187,8 @@ def validate_points(calibration: Calibration, sightings: PointSightings) -> Vali
             f"{sightings.source}: is of a {sightings.points_px.shape[1]}D probe and the calibration of a "
             f"{calibration.dimension}D one"
         )
+    if calibration.sound is not None:
+        sightings = replace(sightings, points_px=calibration.sound.at_assumed_speed(sightings.points_px))
     attempts = _Attempts()
     if sightings.points_mm is not None:
         attempts.run("PRA", lambda: reconstruction_accuracy(calibration.probe_from_image, sightings))
