@@ -2,8 +2,8 @@
 #pragma once
 
 #include "sonocal/correspondences/correspondences.hpp"
-#include "sonocal/estimate/normal_equations.hpp"
 #include "sonocal/estimate/table.hpp"
+#include "sonocal/solvers/normal_equations.hpp"
 
 namespace sonocal {
 

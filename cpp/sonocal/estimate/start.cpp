@@ -51,9 +51,9 @@ class PointLineEstimator {
   bool improve(Transform& a, double& score) {
     return optimise(a, score, kLocalRounds, kLocalIterations, kLittle).improved;
   }
-  double inlier_share(const Transform& a) {
+  double clean_share(const Transform& a) {
     rows_.squared_distances(a, squares_);
-    return static_cast<double>((squares_ <= limit_).count()) / rows_.size();
+    return std::pow(static_cast<double>((squares_ <= limit_).count()) / rows_.size(), sample_size());
   }
 
   // To the bottom: refined to convergence, and not stuck where a row near the threshold makes two fits
