@@ -167,7 +167,8 @@ def teaser_like(scene: Scene, bound_mm: float) -> Array:
     def solve(weights: Array) -> Array:
         weighted = weights[scene.of][:, None, None] * scene.normals
         normal = np.einsum("nri,nrj->ij", weighted, scene.normals)
-        return np.linalg.solve(normal, -np.einsum("nri,nr->i", weighted, gaps))
+        right = -np.einsum("nri,nr->i", weighted, gaps)
+        return np.linalg.lstsq(normal, right, rcond=None)[0]  # where nothing agrees, zero
 
     def squares(translation: Array) -> Array:
         return scene.squares(matrix_of(scale, rotation, translation))
