@@ -14,7 +14,7 @@ using Vector7d = Eigen::Matrix<double, 7, 1>;
 constexpr double kLeastDamping = 1e-12, kFirstDamping = 1e-3;
 constexpr int kTrials = 4;
 // Coordinates are of order one: a step below this moves nothing.
-constexpr double kAtRest = 1e-12;
+constexpr double kLeastStep = 1e-12;
 
 Vector7d step_of(Matrix7d information, Vector7d gradient, double damping, bool scale_known) {
   information.diagonal().array() += damping * information.trace();
@@ -45,7 +45,7 @@ void descend(const NormalEquations& cost, int steps, bool scale_known, Transform
       if (!better) continue;
       a = next;
       best = next_cost;
-      if (tangent.lpNorm<Eigen::Infinity>() < kAtRest) return;
+      if (tangent.lpNorm<Eigen::Infinity>() < kLeastStep) return;
     }
     if (!better) return;
   }

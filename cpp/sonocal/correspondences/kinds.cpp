@@ -47,12 +47,14 @@ void shuffle(std::vector<int>& units, Random& random) {
 
 }  // namespace
 
-int Kind::points() const { return static_cast<int>(std::count(same_point.begin(), same_point.end(), false)); }
+int UnitKind::points() const {
+  return static_cast<int>(std::count(same_point.begin(), same_point.end(), false));
+}
 
-std::vector<Kind> kinds_of(const Correspondences& all) {
+std::vector<UnitKind> kinds_of(const Correspondences& all) {
   std::map<Pattern, std::vector<int>> units;
   for (int c = 0; c < all.count; ++c) units[pattern_of(all, c)].push_back(c);
-  std::vector<Kind> out;
+  std::vector<UnitKind> out;
   Random random(kSeed);
   for (auto& [pattern, members] : units) {
     shuffle(members, random);

@@ -8,7 +8,7 @@
 
 namespace sonocal {
 
-struct Kind {
+struct UnitKind {
   std::vector<bool> same_point;  // of each row: whether it has the point of the row before it
   bool line = false;             // two points on a line: its planes are the same pair twice, at right angles
   bool plane = false;            // all points in one plane
@@ -22,7 +22,7 @@ struct Kind {
 };
 
 // At most one kind for each pattern of points and planes; those of the most rows first.
-std::vector<Kind> kinds_of(const Correspondences& all);
+std::vector<UnitKind> kinds_of(const Correspondences& all);
 
 // The line that a correspondence of kind `line` has for its target.
 struct TargetLine {

@@ -11,7 +11,7 @@
 namespace sonocal {
 namespace {
 
-constexpr int kMotions = 7;
+constexpr int kHeldMotions = 7;
 // A kind of fewer is not drawn from alone, nor is one of which fewer motions are held by each.
 constexpr int kEnough = 8, kStrong = 3;
 // Noise parts a pair of roots in one sample of twenty: few samples cannot do without what is nearest to them,
@@ -47,21 +47,23 @@ bool hold_all(const std::vector<PointOnPlane>& rows, const Transform& a, bool sc
   for (const auto& row : rows) centre += row.point / static_cast<double>(rows.size());
   double size = 0;
   for (const auto& row : rows) size = std::max(size, (row.point - centre).norm());
-  Eigen::Matrix<double, kMotions, kMotions> information = Eigen::Matrix<double, kMotions, kMotions>::Zero();
+  Eigen::Matrix<double, kHeldMotions, kHeldMotions> information =
+      Eigen::Matrix<double, kHeldMotions, kHeldMotions>::Zero();
   for (const auto& row : rows) {
     const Vector3d arm = a.rotation * (row.point - centre) / size;
-    Eigen::Matrix<double, kMotions, 1> jacobian;
+    Eigen::Matrix<double, kHeldMotions, 1> jacobian;
     jacobian << cross(arm, row.normal), row.normal, scale_known ? 0.0 : row.normal.dot(arm);
-    for (int column = 0; column < kMotions; ++column) information.col(column) += jacobian[column] * jacobian;
+    for (int column = 0; column < kHeldMotions; ++column)
+      information.col(column) += jacobian[column] * jacobian;
   }
   if (!information.allFinite()) return false;
   if (scale_known) information(6, 6) = information.trace() / 6;
-  const Ldlt<kMotions> factors(information);
+  const Ldlt<kHeldMotions> factors(information);
   return factors.least_pivot() > kFree * factors.greatest_pivot();
 }
 
 // The kind that holds most, where there are enough of it and others; -1: none is drawn from alone.
-int strongest(const std::vector<Kind>& kinds) {
+int strongest(const std::vector<UnitKind>& kinds) {
   int best = -1;
   for (int k = 0; k < static_cast<int>(kinds.size()); ++k)
     if (kinds.size() > 1 && kinds[k].units.size() >= kEnough && kinds[k].held() >= kStrong &&
@@ -110,12 +112,12 @@ void MixedSamples::draw_one(Random& random, Drawn& out) {
   const std::vector<int>& from = strongest_.empty() || random.below(2) == 0 ? order_ : strongest_;
   const int size = pool(static_cast<int>(from.size())), most = std::min(kMostUnits, size);
   out.size = 0;
-  for (int held = 0, beyond = 0; out.size < most && (held < kMotions || beyond < extra_);) {
+  for (int held = 0, beyond = 0; out.size < most && (held < kHeldMotions || beyond < extra_);) {
     const int slot = from[random.below(size)];
     const auto end = out.slot.begin() + out.size;
     if (std::find(out.slot.begin(), end, slot) != end) continue;
     out.slot[out.size++] = slot;
-    beyond += held >= kMotions;
+    beyond += held >= kHeldMotions;
     held += this->held(slot);
   }
   out.lines = out.size == 2 && rows_.kind(out.slot[0]).line && rows_.kind(out.slot[1]).line;
@@ -137,24 +139,24 @@ void MixedSamples::put_lines(const Drawn& drawn, double* image, double* needles)
 // Seven rows, one of each correspondence in turn; the last again where there are fewer.
 void MixedSamples::put_rows(const Drawn& drawn, double* points, double* planes) const {
   int taken = 0;
-  for (int round = 0, found = 1; found && taken < kMotions; ++round) {
+  for (int round = 0, found = 1; found && taken < kHeldMotions; ++round) {
     found = 0;
-    for (int u = 0; u < drawn.size && taken < kMotions; ++u) {
+    for (int u = 0; u < drawn.size && taken < kHeldMotions; ++u) {
       if (round >= rows_.kind(drawn.slot[u]).rows()) continue;
       put_row(rows_.row(drawn.slot[u], round), points + 3 * taken, planes + 4 * taken);
       ++taken;
       found = 1;
     }
   }
-  for (; taken < kMotions; ++taken) {
+  for (; taken < kHeldMotions; ++taken) {
     std::copy_n(points + 3 * (taken - 1), 3, points + 3 * taken);
     std::copy_n(planes + 4 * (taken - 1), 4, planes + 4 * taken);
   }
 }
 
 void MixedSamples::solve_ahead() {
-  std::array<double, kAhead * kMotions * 3> points;
-  std::array<double, kAhead * kMotions * 4> planes;
+  std::array<double, kAhead * kHeldMotions * 3> points;
+  std::array<double, kAhead * kHeldMotions * 4> planes;
   std::array<double, kAhead * 12> image, needles;
   int lines = 0, others = 0;
   for (Drawn& drawn : drawn_) {
@@ -162,14 +164,14 @@ void MixedSamples::solve_ahead() {
     if (drawn.lines)
       put_lines(drawn, &image[12 * drawn.place], &needles[12 * drawn.place]);
     else
-      put_rows(drawn, &points[3 * kMotions * drawn.place], &planes[4 * kMotions * drawn.place]);
+      put_rows(drawn, &points[3 * kHeldMotions * drawn.place], &planes[4 * kHeldMotions * drawn.place]);
   }
   const bool few = samples_ <= kFewSamples || extra_ > 0;
   const NoRealRoot policy = few ? NoRealRoot::kRealPart : NoRealRoot::kNothing;
   if (lines > 0)
     two_lines_batch(image.data(), needles.data(), lines, 1, {line_matrices_.data(), line_counts_.data()});
   if (others > 0)
-    three_quadrics_batch(points.data(), planes.data(), others, kMotions, policy, 1,
+    three_quadrics_batch(points.data(), planes.data(), others, kHeldMotions, policy, 1,
                          {matrices_.data(), counts_.data()});
 }
 
@@ -232,7 +234,8 @@ const std::vector<PointOnPlane>& MixedSamples::rows() {
 }
 
 bool MixedSamples::determine(const std::vector<PointOnPlane>& rows, const Transform& a) const {
-  return rows.size() >= kMotions && spread_of(rows) > kMeeting * spread_ && hold_all(rows, a, scale_known_);
+  return rows.size() >= kHeldMotions && spread_of(rows) > kMeeting * spread_ &&
+         hold_all(rows, a, scale_known_);
 }
 
 bool MixedSamples::determine(const Transform& a) { return determine(rows(), a); }
@@ -245,19 +248,19 @@ double MixedSamples::clean_share(const std::vector<double>& sound) const {
 // Of samples of any kinds, or of one. clean[h]: that what joins a sample which holds h motions is sound.
 double MixedSamples::clean_share(const std::vector<double>& sound, int only) const {
   const auto& kinds = rows_.kinds();
-  std::array<double, kMotions + 1> clean;
+  std::array<double, kHeldMotions + 1> clean;
   double one = 0;
   for (std::size_t k = 0; k < kinds.size(); ++k) {
     const double part = static_cast<double>(kinds[k].units.size()) / rows_.units();
     one += only < 0 ? part * sound[k] : only == static_cast<int>(k) ? sound[k] : 0;
   }
-  clean[kMotions] = std::pow(one, extra_);
-  for (int h = kMotions - 1; h >= 0; --h) {
+  clean[kHeldMotions] = std::pow(one, extra_);
+  for (int h = kHeldMotions - 1; h >= 0; --h) {
     clean[h] = 0;
     for (std::size_t k = 0; k < kinds.size(); ++k) {
       const double part =
           only < 0 ? static_cast<double>(kinds[k].units.size()) / rows_.units() : only == static_cast<int>(k);
-      clean[h] += part * sound[k] * clean[std::min(h + kinds[k].held(), kMotions)];
+      clean[h] += part * sound[k] * clean[std::min(h + kinds[k].held(), kHeldMotions)];
     }
   }
   return clean[0];

@@ -152,7 +152,7 @@ void UnitRows::normalise(const Correspondences& all) {
 
 void UnitRows::lay_out(const Correspondences& all) {
   std::size_t numbers = 0, slots = 0;
-  for (const Kind& kind : kinds_) {
+  for (const UnitKind& kind : kinds_) {
     const std::size_t padded = (kind.units.size() + kUnits - 1) / kUnits * kUnits;
     numbers += padded * kind.rows() * kFields;
     slots += padded;
@@ -174,7 +174,7 @@ void UnitRows::lay_out(const Correspondences& all) {
 }
 
 double* UnitRows::add_block(const Correspondences& all, int of_kind, int begin, double* to) {
-  const Kind& kind = kinds_[of_kind];
+  const UnitKind& kind = kinds_[of_kind];
   const int units = std::min(kUnits, static_cast<int>(kind.units.size()) - begin), rows = kind.rows();
   const int slot = kUnits * static_cast<int>(blocks_.size());
   blocks_.push_back({to, rows, 1.0 / kind.points(), slot, units});
@@ -221,7 +221,7 @@ NormalEquations UnitRows::cost(const Column& squares, double limit) const {
   for (const UnitBlock& block : blocks_)
     for (int slot = block.slot; slot < block.slot + block.units; ++slot) {
       if (!(squares[slot] <= limit)) continue;
-      const Kind& kind = this->kind(slot);
+      const UnitKind& kind = this->kind(slot);
       for (int j = 0; j < block.rows; ++j) entries.add(row(slot, j), kind.same_point[j]);
     }
   return entries.finish();

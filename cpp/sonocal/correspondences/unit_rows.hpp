@@ -32,8 +32,8 @@ class UnitRows {
   int slots() const { return static_cast<int>(unit_.size()); }
   int units() const { return units_; }
   int unit(int slot) const { return unit_[slot]; }  // its number in the table; -1 where there is none
-  const std::vector<Kind>& kinds() const { return kinds_; }
-  const Kind& kind(int slot) const { return kinds_[kind_[slot]]; }
+  const std::vector<UnitKind>& kinds() const { return kinds_; }
+  const UnitKind& kind(int slot) const { return kinds_[kind_[slot]]; }
   PointOnPlane row(int slot, int row) const;
 
   double size() const { return size_; }  // of the targets, in their unit
@@ -56,7 +56,7 @@ class UnitRows {
   void lay_out(const Correspondences& all);
   double* add_block(const Correspondences& all, int of_kind, int begin, double* to);
 
-  std::vector<Kind> kinds_;
+  std::vector<UnitKind> kinds_;
   int units_;
   Vector3d source_centre_ = Vector3d::Zero(), centre_ = Vector3d::Zero();
   double source_size_ = 1, size_ = 1;
