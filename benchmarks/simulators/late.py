@@ -21,6 +21,9 @@ NEEDLE = Line("needle", "Needle", np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -NEEDLE_
 HANDS = ("fast", "slow", "still")
 """Fast: some 120 mm/s; slow: some 30; still: held for most of a second, then moved on within half a second."""
 
+SWINGS_HZ = {"fast": (0.2, 1.0), "slow": (0.05, 0.25), "usual": (0.05, 0.36)}
+"""Of the hands that never rest; usual: some 45 mm/s."""
+
 
 @dataclasses.dataclass
 class Late:
@@ -32,6 +35,7 @@ class Late:
         detections: the same as points in its images.
         truth: mm in the probe marker's frame from px.
         speed_mm_s: rms, of the needle in the image.
+        velocities: (N, 2, 3), mm/s, of the table's segments, without noise.
     """
 
     observations: sc.Observations
@@ -39,6 +43,7 @@ class Late:
     detections: Detections
     truth: sc.Similarity
     speed_mm_s: float
+    velocities: np.ndarray
 
 
 def hand(rng, count, seconds, hands):
@@ -48,7 +53,7 @@ def hand(rng, count, seconds, hands):
         knots = np.sort(np.concatenate([starts, starts + rng.uniform(0.3, 0.5, len(starts))]))
         places = np.repeat(rng.uniform(-1, 1, (len(starts) + 1, count)), 2, axis=0)[1 : len(knots) + 1]
         return PchipInterpolator(knots, places)
-    low, high = (0.2, 1.0) if hands == "fast" else (0.05, 0.25)
+    low, high = SWINGS_HZ[hands]
     frequency = rng.uniform(low, high, (5, count)) * 2 * np.pi
     phase = rng.uniform(0, 2 * np.pi, (5, count))
     return lambda time: np.sin(np.asarray(time)[:, None, None] * frequency + phase).mean(axis=1) * 1.6
@@ -67,6 +72,7 @@ def late_scan(
     hands="fast",
     latency_s=0.0,
     *,
+    change_s=0.0,
     dimension=2,
     frames=120,
     rate_hz=20.0,
@@ -80,8 +86,9 @@ def late_scan(
 
     Args:
         seed: of everything random.
-        hands: one of `HANDS`.
+        hands: one of `HANDS`, or "usual".
         latency_s: how much later the tracker stamps an instant than the images do.
+        change_s: how much later that is at the end than at the begin.
         dimension: 2 or 3, of the image.
         frames: images.
         rate_hz: images a second.
@@ -91,7 +98,7 @@ def late_scan(
         memory: of that noise from one frame to the next, 0 to 1.
         outliers: share of the images that show something else.
     """
-    rng = np.random.default_rng([seed, frames, dimension, HANDS.index(hands)])
+    rng = np.random.default_rng([seed, frames, dimension, (*HANDS, "usual").index(hands)])
     stamps = np.arange(frames) / rate_hz + rng.uniform(-jitter_s, jitter_s, frames)
     seconds = frames / rate_hz
     place, tilt, depth, probe = (hand(rng, n, seconds, hands) for n in (dimension, 2, 1, 6))
@@ -110,9 +117,11 @@ def late_scan(
             crossing[:, None] + np.array([0.0, 30.0])[: dimension - 1, None] * along[:, None]
         ) / SCALE
 
-    ends = truth @ (needle(stamps - latency_s)[0] / SCALE)
+    then = stamps - latency_s - change_s * (stamps / seconds - 0.5)
+    ends = truth @ (needle(then)[0] / SCALE)
+    velocities = (truth @ (needle(then + 1e-4)[0] / SCALE) - ends) / 1e-4
     ends = ends + tracking_noise(rng, ends.shape, sigma_mm, memory)
-    moved = probe(stamps - latency_s)
+    moved = probe(then)
     tracker_from_probe = np.tile(np.eye(4), (frames, 1, 1))
     turn = Rotation.from_rotvec(0.4 * moved[:, :3]) * Rotation.from_rotvec(rng.normal(size=3))
     tracker_from_probe[:, :3, :3] = turn.as_matrix()
@@ -138,7 +147,8 @@ def late_scan(
     recording = Recording(times=stamps, poses={one.name: one for one in poses})
     detections = Detections(np.arange(frames), points, source="points")
     speed = np.diff(needle(np.arange(0, seconds, 0.01))[1][:, 0] * SCALE, axis=0) / 0.01
-    return Late(observations, recording, detections, truth, float(np.sqrt((speed**2).sum(axis=1).mean())))
+    rms = float(np.sqrt((speed**2).sum(axis=1).mean()))
+    return Late(observations, recording, detections, truth, rms, velocities[frame])
 
 
 def pose_of(ends, roll):

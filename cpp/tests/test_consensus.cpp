@@ -47,10 +47,10 @@ struct Fake {
     ++improved;
     return false;
   }
-  double inlier_share(double slope) {
+  double clean_share(double slope) {
     int agree = 0;
     for (int i = 0; i < count; ++i) agree += std::fabs(slopes[i] - slope) < 1.0;
-    return static_cast<double>(agree) / count;
+    return std::pow(static_cast<double>(agree) / count, size);
   }
 };
 
@@ -100,7 +100,7 @@ void without_an_inlier_nothing_ends() {
   ConsensusOptions options;
   options.max_samples = 300;
   struct NoInlier : Fake {
-    double inlier_share(double) { return 0.0; }
+    double clean_share(double) { return 0.0; }
   } none;
   static_cast<Fake&>(none) = fake;
   check(find_consensus(none, options).samples == 300, "no inlier: all samples that are allowed");

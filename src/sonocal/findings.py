@@ -141,6 +141,7 @@ REFUSALS = {
     "crosswire-poses": "the probe hardly turned about the cross-wire",
     "static-signal": "a signal does not move",
     "no-alignment": "no lag aligns the signals",
+    "lag-untold": "the motion tells no lag",
     "still": "the tool hardly turned",
     "little-tilt": "the tool turned about one axis only",
     "not-a-spin": "the tool turned about more than one axis",

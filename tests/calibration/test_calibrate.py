@@ -241,8 +241,8 @@ def test_the_file_has_the_documented_fields(rows, model):
     assert list(fields) == [
         "format", "version", "created", "conventions", "probe_from_image", "model", "scale_mm_per_px", "rotation_wxyz",
         "translation_mm", "covariance", "sigma", "area_px", "image_size_px",
-        "seen_px", "fit", "test", "residuals_mm", "inlier", "latency_s", "sound",
-        "certificate", "diagnostics", "provenance",
+        "seen_px", "fit", "test", "residuals_mm", "inlier", "latency_s",
+        "latency_interval_s", "sound", "certificate", "diagnostics", "provenance",
     ]  # fmt: skip
     assert fields["format"] == "sonocal-calibration"
     assert len(fields["scale_mm_per_px"]) == (1 if model == "similarity" else 2)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.simulators.late import late_scan
 from click.testing import CliRunner
 
 import sonocal as sc
@@ -13,6 +14,7 @@ from sonocal.cli.main import main
 from sonocal.detection import detect
 from sonocal.existing.matrix import slicer_form
 from sonocal.export.itk import affine_tfm
+from sonocal.observations.velocities import velocities_of
 from sonocal.recording import (
     ArrayFrames,
     ImageGeometry,
@@ -837,3 +839,45 @@ def test_files_in_each_others_place_and_packed_ones_are_called_what_they_are(
     done = run(*arguments)
     assert done.exit_code in (1, 2)
     assert words in " ".join(done.stderr.split())
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    """A table with times of a needle that is late by 130 ms."""
+    folder = tmp_path_factory.mktemp("late")
+    sc.write_observations(late_scan(2, "usual", 0.13, frames=300).observations, folder / "late.csv")
+    return folder / "late.csv"
+
+
+def test_a_table_s_lag_is_told_and_its_moved_rows_are_written(late, tmp_path):
+    done = run("calibrate", late, "--latency", "estimate", "-o", tmp_path / "out", width=200)
+    assert done.exit_code == 0, done.output
+    assert "Lag: the tracker's stamps are 1" in done.stdout
+    assert "ms, 95 %), estimated with the calibration; undone." in done.stdout
+    record = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    low, high = record["latency_interval_s"]
+    assert low < 0.13 < high
+    assert record["provenance"]["input"] == "observations.csv"
+    assert record["provenance"]["recorded"]["table"]["input"] == "late.csv"
+    assert "estimated with the calibration" in (tmp_path / "out" / "report.html").read_text()
+    moved = tmp_path / "out" / "observations.csv"
+    again = run(
+        "calibrate", moved, "--latency", "estimate", "--json", "--no-report", "-o", tmp_path / "again"
+    )
+    assert again.exit_code == 0, again.output
+    low, high = json.loads(again.stdout)["latency_interval_s"]
+    assert low < 0 < high
+
+
+def test_a_latency_in_seconds_is_for_recordings_and_no_word_but_estimate_is_known(late):
+    assert "--latency is for recordings" in run("calibrate", late, "--latency", "0.13").stderr
+    refused = run("calibrate", late, "--latency", "guess")
+    assert refused.exit_code == 2
+    assert "'guess' is neither a number of seconds nor estimate" in refused.stderr
+
+
+def test_detected_candidates_have_the_velocities_of_their_needles(swept, tmp_path):
+    _, (recording, lines, *_) = swept
+    done = run("detect", recording, "--lines", lines, "-o", tmp_path / "few.csv", "--count", 1)
+    assert done.exit_code == 0, done.output
+    assert np.isfinite(velocities_of(sc.read_observations(tmp_path / "few.csv"))).any()

@@ -34,11 +34,14 @@ INSTEAD = {
 }
 # Commands that no test runs, and why. What they name must be there all the same.
 NOT_RUN = {
+    "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the pages' sweep is short "
+    "and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",
     "python3 -m venv .venv": "makes an environment: scripts/environment.sh does, before any test",
     "source .venv/bin/activate": "changes the reader's shell",
     "pip install '.[report]'": "compiles for minutes: scripts/environment.sh does, before any test",
     ".venv/bin/python -m pip install --no-build-isolation --editable .": "the same",
+    "python -m benchmarks.sound --seeds 200": "takes ten minutes",
     "scripts/sdist": ".ci/run does",
     "scripts/wheels": "compiles for ten minutes",
     "scripts/wheels --check": "emulates another machine for minutes",
@@ -54,7 +57,6 @@ NOT_RUN = {
     "PYTHON=.venv/bin/python scripts/sanitize": ".ci/run does",
     ".venv/bin/python -m pytest tests/calibration tests/laws/test_calibration.py": "these are tests",
     "python -m benchmarks.trust --seeds 50 --jobs 2 --write docs/trust.md": "measures for an hour",
-    "python -m benchmarks.sound --seeds 200": "measures for half an hour",
 }
 # Python that is run elsewhere.
 ELSEWHERE = {"studies.md": "tests/studies/test_docs.py"}

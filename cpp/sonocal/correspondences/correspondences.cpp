@@ -1,119 +1,73 @@
 #include "sonocal/correspondences/correspondences.hpp"
 
 #include <algorithm>
-#include <numeric>
+#include <cmath>
+#include <limits>
 
-#include "sonocal/linalg/small.hpp"
+#include "sonocal/correspondences/descent.hpp"
+#include "sonocal/correspondences/mixed_samples.hpp"
 #include "sonocal/solvers/gauss_newton.hpp"
 
 namespace sonocal {
 namespace {
 
-constexpr int kMostUnits = 7;  // a correspondence is one row at least
 constexpr int kCandidateSteps = 6, kLocalRounds = 6, kLocalSteps = 2, kFinalRounds = 20, kFinalSteps = 30;
+constexpr int kFewestRows = 7, kSettlingRounds = 4;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// Information this small beside the largest, in coordinates of order one, leaves a motion free.
-constexpr double kFree = 1e-12;
-constexpr double kAtRest = 1e-9;
-// Planes of a sample that pass a point so closely, beside all correspondences', meet.
-constexpr double kMeeting = 1e-6;
-
-// Whether the rows hold all seven motions about `a`; of a known scale, the other six.
-bool determined(const std::vector<PointOnPlane>& rows, const Transform& a, bool scale_known) {
-  Vector3d centre = Vector3d::Zero();
-  for (const auto& row : rows) centre += row.point / static_cast<double>(rows.size());
-  double size = 0;
-  for (const auto& row : rows) size = std::max(size, (row.point - centre).norm());
-  Eigen::Matrix<double, 7, 7> information = Eigen::Matrix<double, 7, 7>::Zero();
-  for (const auto& row : rows) {
-    const Vector3d arm = a.rotation * (row.point - centre) / size;
-    Eigen::Matrix<double, 7, 1> jacobian;
-    jacobian << cross(arm, row.normal), row.normal, scale_known ? 0.0 : row.normal.dot(arm);
-    information += jacobian * jacobian.transpose();
-  }
-  if (!information.allFinite()) return false;
-  const SmallVector values = symmetric_eigenvalues(information);
-  return values[scale_known ? 1 : 0] > kFree * values[6];
-}
-
-// Root mean square distance of the planes from the point nearest to all of them: nothing but this size tells
-// a similarity from one that shrinks the source to that point.
-double spread_of(const std::vector<PointOnPlane>& rows) {
-  Matrix3d normals = Matrix3d::Zero();
-  Vector3d right = Vector3d::Zero();
-  for (const auto& row : rows) {
-    normals += row.normal * row.normal.transpose();
-    right -= row.offset * row.normal;
-  }
-  const Vector3d nearest = least_squares(normals, right);
-  double sum = 0;
-  for (const auto& row : rows) sum += std::pow(row.normal.dot(nearest) + row.offset, 2);
-  return std::sqrt(sum / static_cast<double>(rows.size()));
-}
+constexpr double kLittle = 1e-2, kAtRest = 1e-9;  // parts of a score
 
 class Estimator {
  public:
   using Model = Transform;
-  using Models = std::array<Transform, 8>;
+  using Models = MixedSamples::Models;
 
   Estimator(const Correspondences& all, const CorrespondenceOptions& options)
-      : all_(all), options_(options), limit_(options.threshold * options.threshold) {
-    const int rows = all.first[all.count];
-    rows_.resize(rows);
-    for (int i = 0; i < rows; ++i) rows_[i] = read_row(all.points, all.planes, i);
-    spread_ = spread_of(rows_);
-    // A sample is of about as many correspondences as have seven rows.
-    size_ = std::clamp(static_cast<int>(std::ceil(7.0 * all.count / std::max(rows, 1))), 1, kMostUnits);
-  }
+      : all_(all),
+        options_(options),
+        limit_(options.threshold * options.threshold),
+        rows_(all),
+        samples_(rows_, options.weights, options.fixed_scale > 0),
+        scaled_limit_(limit_ / (rows_.size() * rows_.size())),
+        scale_(options.fixed_scale * rows_.source_size() / rows_.size()) {}
 
-  int units() const { return all_.count; }
-  int sample_size() const { return std::min(size_, units()); }
+  int units() const { return rows_.units(); }
+  int sample_size() const { return 1; }  // what holds seven motions differs from sample to sample
   bool enumerable() const { return false; }
-  void draw(Random& random, Sample& sample) const {
-    for (int drawn = 0; drawn < most_units();) {
-      const int candidate = random.below(units());
-      if (std::find(sample.begin(), sample.begin() + drawn, candidate) == sample.begin() + drawn)
-        sample[drawn++] = candidate;
-    }
+  void draw(Random& random, Sample&) { samples_.draw(random); }
+  int solve(const Sample&, Random&, Models& out) {
+    const int count = samples_.solve(out);
+    return scale_ > 0 ? refine_on_sample(out.data(), count) : count;
   }
 
-  // Planes on planes hold less than they have rows, and lines that meet do: where the sample's planes meet
-  // in a point, or candidates leave a motion free, one more correspondence joins it.
-  int solve(const Sample& sample, Random&, Models& out) const {
-    std::vector<PointOnPlane> rows;
-    for (int units = 1; units <= most_units(); ++units) {
-      const PointOnPlane* first = &rows_[all_.first[sample[units - 1]]];
-      rows.insert(rows.end(), first, first + size_of(sample[units - 1]));
-      if (rows.size() < 7 || !(spread_of(rows) > kMeeting * spread_)) continue;
-      int count = three_quadrics(in_turn(sample, units), out, NoRealRoot::kRealPart);
-      count = refine_candidates(rows.data(), static_cast<int>(rows.size()), kCandidateSteps,
-                                options_.fixed_scale, out.data(), count);
-      const auto free = [&](const Transform& a) { return !determined(rows, a, options_.fixed_scale > 0); };
-      count = static_cast<int>(std::remove_if(out.begin(), out.begin() + count, free) - out.begin());
-      if (count > 0) return count;
-    }
-    return 0;
+  double score(const Transform& a, double enough) {
+    const double score = rows_.truncated_sum(a, scaled_limit_, enough);
+    return score < enough && !samples_.determine(a) ? kInfinity : score;
+  }
+  double clean_share(const Transform& a) {
+    rows_.squares(a, squares_);
+    return samples_.clean_share(rows_.shares_within(squares_, scaled_limit_));
   }
 
-  double score(const Transform& a, double enough) const {
-    double sum = 0;
-    for (int c = 0; c < all_.count && sum < enough; ++c) sum += std::min(square(a, c), limit_);
-    return sum;
+  // A solution leaves some of its sample's rows out: first it is fitted to them all.
+  bool improve(Transform& a, double& score) {
+    Transform next = a;
+    if (scale_ == 0 && refine_on_sample(&next, 1) == 1) keep_better(next, a, score);
+    return optimise(a, score, kLocalRounds, kLocalSteps, kLittle);
   }
-  double inlier_share(const Transform& a) const {
-    return static_cast<double>(agreeing(a).size()) / all_.count;
-  }
-  bool improve(Transform& a, double& score) const { return optimise(a, score, kLocalRounds, kLocalSteps); }
 
-  // Refined on the correspondences that agree until it and they come to rest; true if they did.
-  bool settle(Transform& a, double& score) const {
-    optimise(a, score, kFinalRounds, kFinalSteps);
-    const auto rows = rows_of(agreeing(a), true);
-    const double before = squared_residuals(rows.data(), static_cast<int>(rows.size()), a);
-    const double after =
-        gauss_newton(rows.data(), static_cast<int>(rows.size()), kFinalSteps, options_.fixed_scale, a);
+  // Refined on the correspondences that agree until it and they come to rest, in the table's own numbers;
+  // true if they did.
+  bool settle(Transform& a, double& score) {
+    optimise(a, score, kFinalRounds, kFinalSteps, kAtRest);
+    for (int round = 0; round < kSettlingRounds && look_around(a, score); ++round) continue;
+    a = rows_.to_original(a);
+    const auto rows = rows_of(agreeing(a));
+    const int count = static_cast<int>(rows.size());
+    const double before = squared_residuals(rows.data(), count, a);
+    const double after = gauss_newton(rows.data(), count, kFinalSteps, options_.fixed_scale, a);
     return before - after <= kAtRest * before + 1e-24;
   }
+  Transform to_original(const Transform& a) const { return rows_.to_original(a); }
 
   std::vector<int> agreeing(const Transform& a) const {
     std::vector<int> out;
@@ -123,60 +77,92 @@ class Estimator {
   }
   // Mean squared distance of the correspondence's points.
   double square(const Transform& a, int c) const {
-    const int begin = all_.first[c], end = all_.first[c + 1];
     int points = 0;
-    for (int i = begin; i < end; ++i) points += i == begin || rows_[i].point != rows_[i - 1].point;
-    return squared_residuals(&rows_[begin], end - begin, a) / points;
+    double sum = 0;
+    for (int i = all_.first[c]; i < all_.first[c + 1]; ++i) {
+      const PointOnPlane row = read_row(all_.points, all_.planes, i);
+      points += i == all_.first[c] ||
+                !std::equal(all_.points + 3 * i, all_.points + 3 * i + 3, all_.points + 3 * (i - 1));
+      sum += squared_residuals(&row, 1, a);
+    }
+    return sum / points;
   }
 
  private:
-  int most_units() const { return std::min(kMostUnits, units()); }
-  int size_of(int c) const { return all_.first[c + 1] - all_.first[c]; }
-
-  // Seven rows, one of each correspondence in turn.
-  std::array<PointOnPlane, 7> in_turn(const Sample& sample, int units) const {
-    std::array<PointOnPlane, 7> out;
-    int taken = 0;
-    for (int round = 0; taken < 7; ++round)
-      for (int u = 0; u < units && taken < 7; ++u)
-        if (round < size_of(sample[u])) out[taken++] = rows_[all_.first[sample[u]] + round];
-    return out;
+  int refine_on_sample(Transform* candidates, int count) {
+    const auto& rows = samples_.rows();
+    return refine_candidates(rows.data(), static_cast<int>(rows.size()), kCandidateSteps, scale_, candidates,
+                             count);
   }
 
-  std::vector<PointOnPlane> rows_of(const std::vector<int>& chosen, bool weighted = false) const {
+  bool keep_better(const Transform& next, Transform& a, double& score) const {
+    const double next_score = rows_.truncated_sum(next, scaled_limit_, kInfinity);
+    if (!(next_score < score)) return false;
+    a = next;
+    score = next_score;
+    return true;
+  }
+
+  // Rows of the table, weighed.
+  std::vector<PointOnPlane> rows_of(const std::vector<int>& chosen) const {
     std::vector<PointOnPlane> out;
     for (const int c : chosen)
       for (int i = all_.first[c]; i < all_.first[c + 1]; ++i) {
-        const double weight = weighted && options_.weights ? options_.weights[c] : 1.0;
-        out.push_back({rows_[i].point, weight * rows_[i].normal, weight * rows_[i].offset});
+        const PointOnPlane row = read_row(all_.points, all_.planes, i);
+        const double weight = options_.weights ? options_.weights[c] : 1.0;
+        out.push_back({row.point, weight * row.normal, weight * row.offset});
       }
     return out;
   }
 
-  bool optimise(Transform& a, double& score, int rounds, int steps) const {
+  // Fitted to what is within the limit; false where that is less than seven rows, or holds the same as
+  // `known`.
+  bool refit(Transform& a, double limit, int steps, int known = -1) {
+    rows_.squares(a, squares_);
+    const int rows = rows_.rows_within(squares_, limit);
+    if (rows < kFewestRows || rows == known) return false;
+    descend(rows_.cost(squares_, limit), steps, scale_ > 0, a);
+    return true;
+  }
+
+  // Refines on what agrees, again and again, while it lowers the score by more than a part of it.
+  bool optimise(Transform& a, double& score, int rounds, int steps, double little) {
     bool improved = false;
     for (int round = 0; round < rounds; ++round) {
       Transform next = a;
-      const auto rows = rows_of(agreeing(a));
-      if (rows.size() < 7) break;
-      gauss_newton(rows.data(), static_cast<int>(rows.size()), steps, options_.fixed_scale, next);
-      const double next_score = this->score(next, kInfinity);
-      if (!(next_score < score)) break;
+      const double before = score;
+      if (!refit(next, scaled_limit_, steps) || !keep_better(next, a, score)) break;
       improved = true;
-      const bool little = score - next_score <= kAtRest * score;
-      a = next;
-      score = next_score;
-      if (little) break;
+      if (before - score <= little * before) break;
     }
     return improved;
+  }
+
+  // A correspondence near the threshold makes two fits stable: what is within half and twice the threshold
+  // leads to the better one.
+  bool look_around(Transform& a, double& score) {
+    rows_.squares(a, squares_);
+    const int known = rows_.rows_within(squares_, scaled_limit_);
+    for (const double factor : {0.25, 4.0}) {
+      Transform next = a;
+      if (!refit(next, factor * scaled_limit_, kLocalSteps, known)) continue;
+      double next_score = rows_.truncated_sum(next, scaled_limit_, kInfinity);
+      optimise(next, next_score, kFinalRounds, kFinalSteps, kAtRest);
+      if (!(next_score < (1 - kAtRest) * score)) continue;
+      a = next;
+      score = next_score;
+      return true;
+    }
+    return false;
   }
 
   const Correspondences& all_;
   const CorrespondenceOptions& options_;
   const double limit_;
-  std::vector<PointOnPlane> rows_;
-  double spread_ = 0;
-  int size_;
+  UnitRows rows_;
+  MixedSamples samples_;
+  const double scaled_limit_, scale_;  // of the rows' coordinates
+  UnitRows::Column squares_;
 };
 
 }  // namespace
@@ -189,7 +175,10 @@ CorrespondenceEstimate estimate(const Correspondences& correspondences,
   result.samples = best.samples;
   result.found = std::isfinite(best.score);
   if (!result.found) return result;
-  if (options.refine) result.converged = estimator.settle(best.model, best.score);
+  if (options.refine)
+    result.converged = estimator.settle(best.model, best.score);
+  else
+    best.model = estimator.to_original(best.model);
   result.transform = best.model;
   result.inliers = static_cast<int>(estimator.agreeing(best.model).size());
   for (int c = 0; c < correspondences.count; ++c) result.squares.push_back(estimator.square(best.model, c));

@@ -3,8 +3,8 @@
 
 #include "sonocal/correspondences/correspondences.hpp"
 #include "sonocal/estimate/mixed_table.hpp"
-#include "sonocal/estimate/normal_equations.hpp"
 #include "sonocal/estimate/table.hpp"
+#include "sonocal/solvers/normal_equations.hpp"
 
 namespace sonocal {
 

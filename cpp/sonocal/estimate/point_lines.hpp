@@ -4,8 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "sonocal/estimate/normal_equations.hpp"
 #include "sonocal/linalg/transform.hpp"
+#include "sonocal/solvers/normal_equations.hpp"
 
 namespace sonocal {
 

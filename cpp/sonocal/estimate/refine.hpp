@@ -1,7 +1,7 @@
 // Levenberg-Marquardt over rotation and scale, the translation following in closed form.
 #pragma once
 
-#include "sonocal/estimate/normal_equations.hpp"
+#include "sonocal/solvers/normal_equations.hpp"
 
 namespace sonocal {
 

@@ -1,10 +1,10 @@
 // The cost of point-to-line registration by rotation and scale alone.
 #pragma once
 
-#include "sonocal/estimate/normal_equations.hpp"
 #include "sonocal/linalg/ldlt.hpp"
 #include "sonocal/linalg/product.hpp"
 #include "sonocal/linalg/small.hpp"
+#include "sonocal/solvers/normal_equations.hpp"
 
 namespace sonocal {
 

@@ -1,7 +1,7 @@
 // Covariances whose weights were estimated from the same few residuals.
 #pragma once
 
-#include "sonocal/estimate/normal_equations.hpp"
+#include "sonocal/solvers/normal_equations.hpp"
 
 namespace sonocal {
 

@@ -51,9 +51,9 @@ class PointLineEstimator {
   bool improve(Transform& a, double& score) {
     return optimise(a, score, kLocalRounds, kLocalIterations, kLittle).improved;
   }
-  double inlier_share(const Transform& a) {
+  double clean_share(const Transform& a) {
     rows_.squared_distances(a, squares_);
-    return static_cast<double>((squares_ <= limit_).count()) / rows_.size();
+    return std::pow(static_cast<double>((squares_ <= limit_).count()) / rows_.size(), sample_size());
   }
 
   // To the bottom: refined to convergence, and not stuck where a row near the threshold makes two fits
@@ -153,8 +153,11 @@ double limit_from_noise(const PointLines& rows, Sampler& sampler, std::uint64_t 
     const int count = sampler.solve(sample, random, candidates);
     for (int k = 0; k < count; ++k) {
       rows.squared_distances(candidates[k], squares);
-      std::nth_element(squares.data(), squares.data() + squares.size() / 2, squares.data() + squares.size());
-      least = std::min(least, squares[squares.size() / 2]);
+      // The median is less where more than half of all are: of most candidates that is all one has to know.
+      const Eigen::Index half = squares.size() / 2;
+      if ((squares < least).count() <= half) continue;
+      std::nth_element(squares.data(), squares.data() + half, squares.data() + squares.size());
+      least = squares[half];
     }
   }
   return least * kChi2Most / kChi2Median;

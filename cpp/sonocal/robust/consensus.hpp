@@ -48,10 +48,10 @@ double samples_needed(double clean, const ConsensusOptions& options);
 //   int solve(sample, Random&, models)      its models; returns how many
 //   double score(model, enough)             less is better; may stop once it reaches `enough`
 //   bool improve(model, score)              local optimisation, in place; false if it only made it worse
-//   double inlier_share(model)              0 to 1
+//   double clean_share(model)               of samples, those without outliers if it is right
 //
-// Samples end when one without outliers has been drawn with the confidence asked for, counting the share
-// of inliers of the best model so far. A best model without any inlier ends nothing.
+// Samples end when one without outliers has been drawn with the confidence asked for, counting the inliers
+// of the best model so far. A best model without any inlier ends nothing.
 template <class Estimator>
 Consensus<typename Estimator::Model> find_consensus(Estimator& estimator, const ConsensusOptions& options) {
   Consensus<typename Estimator::Model> best;
@@ -79,7 +79,7 @@ Consensus<typename Estimator::Model> find_consensus(Estimator& estimator, const 
     if (all) {
       if (!next_combination(sample, size, n)) break;
     } else if (improved) {
-      needed = samples_needed(std::pow(estimator.inlier_share(best.model), size), options);
+      needed = samples_needed(estimator.clean_share(best.model), options);
     }
   }
   return best;

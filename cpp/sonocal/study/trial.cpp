@@ -37,10 +37,10 @@ class PlainEstimator {
   int solve(const Sample& sample, Random&, Models& out) const { return hypotheses_.solve(sample, out); }
   double score(const Transform& a, double enough) const { return rows_.truncated_sum(a, limit_, enough); }
   bool improve(Transform&, double&) const { return false; }
-  double inlier_share(const Transform& a) const {
+  double clean_share(const Transform& a) const {
     PointLines::Column squares;
     rows_.squared_distances(a, squares);
-    return static_cast<double>((squares <= limit_).count()) / rows_.size();
+    return std::pow(static_cast<double>((squares <= limit_).count()) / rows_.size(), sample_size());
   }
 
  private:

@@ -12,13 +12,14 @@ from sonocal.calibration.evidence import set_up_findings
 from sonocal.calibration.few_targets import few_fixed_targets
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
+from sonocal.calibration.lagged import LaggedTable, without_lag
 from sonocal.calibration.left_out import left_out_findings
 from sonocal.calibration.mixed import calibrate_mixed
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
-from sonocal.calibration.repeated import fit_distinct
+from sonocal.calibration.repeated import Repeated, fit_distinct
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import image_area, known_levels, split_rows
+from sonocal.calibration.rows import image_area, known_levels
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.calibration.through_sound import calibrate_through_sound
 from sonocal.findings import Findings
@@ -52,6 +53,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
             max_samples (10000): random minimal samples at the most.
             exhaustive_samples (200): up to this many samples are all tried.
             seed (0): of everything random; the same seed gives the same answer.
+
+            latency (None): "estimate": the lag of the tracker behind the images is fitted, too, by the rows' column
+            time_s, or by the velocities of their lines (vx0_mm_s ...).
 
             Which rows:
             fit_split (None): fit the rows of this split only; default: all but those of `test_split`.
@@ -91,7 +95,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     asked = Options.of(**options)
     if asked.sound_speed_m_s is not None:
         return calibrate_through_sound(observations, asked, calibrate)
-    given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
+    given, held_out, asked, late = without_lag(observations, asked)
     if not given.lines_only:
         return calibrate_mixed(given, held_out, asked)
     # The transform that most rows agree with, refined on those that do.
@@ -131,4 +135,13 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         partial(set_up_findings, found, rows, mapped),
     )
     found = replace(found, diagnostics=Findings(looks=looks))
-    return found if repeated is None else repeated.told_of(found, given)
+    return _as_given(found, given, repeated, late)
+
+
+def _as_given(
+    found: Calibration, given: Observations, *changed: Repeated | LaggedTable | None
+) -> Calibration:
+    """The calibration as that of the rows that were given, where others were fitted."""
+    for one in changed:
+        found = found if one is None else one.told_of(found, given)
+    return found

@@ -13,7 +13,7 @@ from sonocal.calibration.sound_options import ASSUMED_M_S, OF_SOUND, checked_sou
 from sonocal.errors import InputError
 from sonocal.geometry import FURTHEST
 from sonocal.geometry.shown import brief
-from sonocal.registration.options import Model, Weighting, positive_number, true_or_false
+from sonocal.registration.options import Model, Weighting, one_of, positive_number, true_or_false
 from sonocal.registration.options import Options as RegistrationOptions
 
 __all__ = ["Keywords", "Options", "kept_options"]
@@ -38,6 +38,7 @@ class Keywords(TypedDict, total=False):
     scanner_mm_per_px: float | tuple[float, float] | None
     marker_above_image: bool
     expected_rotation: ArrayLike | None
+    latency: Literal["estimate"] | None
     probe_radius_mm: float | None
     sound_speed_m_s: float | Literal["estimate"] | None
     assumed_sound_speed_m_s: float
@@ -59,6 +60,7 @@ class Options(RegistrationOptions):
     scanner_mm_per_px: float | tuple[float, float] | None = None
     marker_above_image: bool = False
     expected_rotation: tuple[tuple[float, ...], ...] | None = None
+    latency: Literal["estimate"] | None = None
     probe_radius_mm: float | None = None
     sound_speed_m_s: float | Literal["estimate"] | None = None
     assumed_sound_speed_m_s: float = ASSUMED_M_S
@@ -84,6 +86,8 @@ class Options(RegistrationOptions):
         self._keep("marker_above_image", true_or_false("marker_above_image", self.marker_above_image))
         if self.expected_rotation is not None:
             self._keep("expected_rotation", _rotation(self.expected_rotation))
+        if self.latency is not None:
+            self._keep("latency", one_of("latency", self.latency, ("estimate",)))
         of_sound = [getattr(self, name) for name in OF_SOUND]
         for name, value in checked_sound(self.model, *of_sound).items():
             self._keep(name, value)

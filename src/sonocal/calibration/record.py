@@ -74,6 +74,7 @@ class Record(msgspec.Struct, kw_only=True):
     residuals_mm: list[float]
     inlier: list[bool]
     latency_s: float | None
+    latency_interval_s: tuple[float, float] | None = None
     sound: Sound | None = None
     certificate: Certificate = "not shown"
     diagnostics: list[Diagnostic]

@@ -55,7 +55,8 @@ class Calibration(InSession):
         fit, test: errors of the fitted and of the held-out rows.
         residuals_mm, inlier: (N,), of the fitted rows in the order given.
         diagnostics: what to know before use, warnings first; of a fresh one, looked for when they are first read.
-        latency_s: the tracker's lag behind the image, or None when not estimated.
+        latency_s: how much later the tracker stamps an instant than the images do, where that was undone; or None.
+        latency_interval_s: the 95 % interval of that, where it was estimated with the calibration; or None.
         sound: its speed in what was scanned, where the options say more of it than that it is as the scanner assumes:
             `probe_from_image` is for images in which it is so.
         options: those it was made with; of the threshold, the mm that "auto" came to.
@@ -73,6 +74,7 @@ class Calibration(InSession):
     inlier: NDArray[np.bool_]
     diagnostics: Sequence[Diagnostic] = ()
     latency_s: float | None = None
+    latency_interval_s: tuple[float, float] | None = None
     sound: Sound | None = None
     image_size_px: tuple[int, ...] | None = None
     seen_px: Array | None = None
@@ -252,6 +254,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         residuals_mm=calibration.residuals_mm.tolist(),
         inlier=calibration.inlier.tolist(),
         latency_s=calibration.latency_s,
+        latency_interval_s=calibration.latency_interval_s,
         sound=calibration.sound,
         certificate=calibration.certificate,
         diagnostics=list(calibration.diagnostics),
@@ -343,6 +346,7 @@ def _from_record(record: Record) -> Calibration:
         inlier=inlier,
         diagnostics=tuple(record.diagnostics),
         latency_s=record.latency_s,
+        latency_interval_s=record.latency_interval_s,
         sound=record.sound,
         options=options,
         provenance=record.provenance,

@@ -13,6 +13,7 @@ from sonocal.cli.from_recording import (
     SHEET,
     TABLE,
     Result,
+    at_lag,
     from_recording,
 )
 from sonocal.cli.help import DETECTING, READING, SET_UP, command
@@ -23,7 +24,7 @@ from sonocal.cli.options import (
     FILE,
     INVALID,
     JSON,
-    LATENCY,
+    LATENCY_OR_ESTIMATE,
     LINES,
     MARKERS,
     MASK,
@@ -39,7 +40,7 @@ from sonocal.cli.options import (
     typed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
-from sonocal.cli.reading import OF_READING
+from sonocal.cli.reading import ESTIMATE, OF_READING
 from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict, pictures
 from sonocal.cli.screen.plain import say_json
@@ -101,7 +102,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
 @ANGLES
 @MARKERS
 @PROBE
-@LATENCY
+@LATENCY_OR_ESTIMATE
 @INVALID
 @COUNT
 @CENTRE
@@ -184,16 +185,22 @@ def calibrate(
     a recording  with --lines: the needle is found in its images, and contact-sheet.png shows where; with --points,
                  too, the points are given
 
-    From a recording, observations.csv is written too: the sightings that the calibration rests on.
+    From a recording, observations.csv is written too: the sightings that the calibration rests on. With --latency
+    estimate it is written from a table, too: its lines are where the lag leads.
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.calibration import calibration_json
     from sonocal.cli.report import report_files
     from sonocal.cli.screen.calibration import print_calibration
 
-    _refuse_mixture(recording=lines is not None, given=options["points"] is not None)
+    estimated = options["latency_s"] == ESTIMATE
+    options["latency"] = ESTIMATE if estimated else None
+    _refuse_mixture(recording=lines is not None, given=options["points"] is not None, estimated=estimated)
     if source.exists():  # else a reader says so
         _require_kinds(source, lines)
-        reserve_results(output, _names(options["points"], recording=lines is not None, report=report))
+        moved = lines is not None or estimated
+        reserve_results(
+            output, _names(options["points"], moved=moved, recording=lines is not None, report=report)
+        )
     recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
     expectation = _expected(expected, choice_of(options))
     options["expected_rotation"] = None if expectation is None else rotation_of(expectation)
@@ -231,15 +238,16 @@ def _against(found: Calibration, expected: Calibration | Existing) -> Calibratio
     return against_expected(found, expected)
 
 
-def _names(points: Path | None, *, recording: bool, report: bool) -> tuple[str, ...]:
+def _names(points: Path | None, *, moved: bool, recording: bool, report: bool) -> tuple[str, ...]:
     """What will be written: known before the work is done."""
     names = ("calibration.json", "report.html") if report else ("calibration.json",)
-    return names + ((TABLE, SHEET) if recording and points is None else (TABLE,) if recording else ())
+    return names + ((TABLE, SHEET) if recording and points is None else (TABLE,) if moved else ())
 
 
-def _refuse_mixture(*, recording: bool, given: bool) -> None:
+def _refuse_mixture(*, recording: bool, given: bool, estimated: bool) -> None:
     """Options that would do nothing are a mistake."""
-    if not recording and (names := typed(OF_RECORDINGS)):
+    of_recordings = tuple(name for name in OF_RECORDINGS if not (estimated and name == "latency_s"))
+    if not recording and (names := typed(of_recordings)):
         raise click.UsageError(f"{names[0]} is for recordings; give their needle or wires with --lines")
     if recording and (names := typed(OF_TABLES)):
         raise click.UsageError(f"{names[0]} is for tables; a recording has no splits")
@@ -276,7 +284,8 @@ def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) ->
 
     rows = sonocal.read_observations(source)
     try:
-        return Result(rows, sonocal.calibrate(rows, **options), {})
+        found = sonocal.calibrate(rows, **options)
+        return Result(rows, found, {}) if found.latency_s is None else at_lag(rows, found)
     except SonocalError:
         refuse_units(source.name, unit_doubts(rows=rows), accepted=accept_units)
         raise

@@ -162,6 +162,7 @@ def detect(
     from sonocal.sweep import Posing, tabulate
     from sonocal.sweep.calibrate import no_candidates
     from sonocal.sweep.contact_sheet import contact_sheet
+    from sonocal.sweep.lagged import with_line_velocities
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
@@ -177,9 +178,8 @@ def detect(
         write_atomically(sheet, png(contact_sheet(loaded, found)))
     if len(found) == 0:
         raise no_candidates(loaded.name, found.images)
-    table = tabulate(
-        loaded, known, found, Posing(options["probe"], fixed, options["on_invalid"])
-    ).observations
+    posing = Posing(options["probe"], fixed, options["on_invalid"])
+    table = with_line_velocities(tabulate(loaded, known, found, posing).observations, loaded, known, posing)
     write_observations(table, output)
     say(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
 

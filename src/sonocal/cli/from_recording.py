@@ -30,6 +30,7 @@ __all__ = [
     "SHEET",
     "TABLE",
     "Result",
+    "at_lag",
     "from_recording",
     "looking",
 ]
@@ -70,6 +71,9 @@ def from_recording(
     """
     from sonocal.cli.formats import lines_in, targets_in
     from sonocal.observations.table_file import as_file
+    from sonocal.recording import with_latency
+    from sonocal.sweep import Posing
+    from sonocal.sweep.lagged import with_line_velocities
     from sonocal.targets import Line
 
     recording = read_given(source, recorded)
@@ -84,9 +88,29 @@ def from_recording(
         how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
         lines_in(lines)  # which says so where there is none to look for
         result = _from_images(recording, needles, output, how | looking(recording, recorded), start)
-    table, rows = as_file(result.rows, TABLE)
+    if recording.latency_s != (result.calibration.latency_s or 0.0):  # estimated
+        recording = with_latency(recording, result.calibration.latency_s or 0.0)
+    posing = Posing(recorded["probe"], fixed, recorded["on_invalid"])
+    rows = (
+        with_line_velocities(result.rows, recording, needles, posing)
+        if result.rows.lines_only
+        else result.rows
+    )
+    table, rows = as_file(rows, TABLE)
     found = _with_provenance(result.calibration, rows, {"recording": source, "lines": lines}, recorded)
     return Result(rows, found, {TABLE: table, **result.files}, recording)
+
+
+def at_lag(rows: Observations, found: Calibration) -> Result:
+    """A calibration of a table under a lag, with the table whose lines are where that leads."""
+    from sonocal.calibration.lagged import rows_at_lag
+    from sonocal.observations.table_file import as_file
+
+    assert found.latency_s is not None
+    table, moved = as_file(rows_at_lag(rows, found.latency_s), TABLE)
+    recorded = {"recorded": {"table": {"input": rows.source, "sha256": rows.sha256}}}
+    provenance = found.provenance | {"input": moved.source, "sha256": moved.sha256} | recorded
+    return Result(moved, replace(found, provenance=provenance), {TABLE: table})
 
 
 def looking(recording: Recording, options: Mapping[str, Any]) -> dict[str, Any]:

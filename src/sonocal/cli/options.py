@@ -23,6 +23,7 @@ __all__ = [
     "INVALID",
     "JSON",
     "LATENCY",
+    "LATENCY_OR_ESTIMATE",
     "LINES",
     "MARKERS",
     "MASK",
@@ -96,6 +97,21 @@ class Threshold(click.ParamType[float | str]):
             self.fail(f"{value!r} is neither a number of millimetres nor auto", param, ctx)
 
 
+class Latency(click.ParamType[float | str]):
+    """A number of seconds, or "estimate"."""
+
+    name = "S|estimate"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        """The number, or "estimate"."""
+        if value == "estimate":
+            return "estimate"
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number of seconds nor estimate", param, ctx)
+
+
 LINES = click.option(
     "--lines",
     "--targets",
@@ -128,6 +144,15 @@ LATENCY = click.option(
     default=0.0,
     show_default=True,
     help="How much later the tracker stamps an instant than the images do, s.",
+)
+LATENCY_OR_ESTIMATE = click.option(
+    "--latency",
+    "latency_s",
+    type=Latency(),
+    metavar="S|estimate",
+    default=0.0,
+    show_default=True,
+    help='How much later the tracker stamps an instant than the images do, s; "estimate": fitted, too, and undone.',
 )
 INVALID = click.option(
     "--on-invalid",

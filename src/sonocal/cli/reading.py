@@ -12,8 +12,10 @@ if TYPE_CHECKING:
     from sonocal.recording import Recording
     from sonocal.targets import Point
 
-__all__ = ["OF_READING", "read_given"]
+__all__ = ["ESTIMATE", "OF_READING", "read_given"]
 
+# A latency that is not given but found with the calibration.
+ESTIMATE = "estimate"
 # Options of all commands that read recordings of images.
 OF_READING = ("poses", "angles", "markers", "latency_s", "on_invalid")
 
@@ -24,12 +26,13 @@ def read_given(path: Path, options: Mapping[str, Any]) -> Recording:
     from sonocal.recording.formats import read_recording
 
     require_kind(path, ("recording",))
+    latency = options.get("latency_s", 0.0)
     for file in options.get("poses", ()):
         require_kind(file, ("recording",), "name the tracker's own recording with --poses")
     return read_recording(
         path,
         options.get("poses") or None,
-        options.get("latency_s", 0.0),
+        0.0 if latency == ESTIMATE else latency,
         options.get("on_invalid", "raise"),
         angles=options.get("angles"),
         markers=_markers(options.get("markers")),

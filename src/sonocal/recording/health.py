@@ -164,7 +164,7 @@ def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
     name, n = poses.plus_name, len(poses)
     invalid = n - int(poses.valid.sum())
     if invalid:
-        runs, moved = longest_run(~poses.valid), int(np.sum(~poses.valid & _moved_out(recording)))
+        runs, moved = longest_run(~poses.valid), int(np.sum(~poses.valid & moved_out(recording)))
         because = (
             f", {moved} of them since the latency takes their images out of the recording" if moved else ""
         )
@@ -200,7 +200,7 @@ def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
     yield from _stillness(name, poses)
 
 
-def _moved_out(recording: Recording) -> NDArray[np.bool_]:
+def moved_out(recording: Recording) -> NDArray[np.bool_]:
     """(N,): images whose poses a latency takes from before or after the recording, where there are none."""
     at = recording.times + recording.latency_s
     return np.asarray((at < recording.times.min()) | (at > recording.times.max()))

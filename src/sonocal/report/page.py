@@ -9,6 +9,7 @@ import numpy as np
 
 from sonocal.calibration import Calibration, seen_at_assumed_speed
 from sonocal.calibration.diagnostics import describe_motion
+from sonocal.calibration.lagged import lag_in_words
 from sonocal.errors import UnsupportedError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import area_places
@@ -167,7 +168,7 @@ def _matrix_in_words(calibration: Calibration) -> list[str]:
         if calibration.model == "similarity"
         else f"The scales, {scales[0]:.5f} mm/px along u and {scales[1]:.5f} along v, are inside the matrix."
     )
-    return words
+    return [*words, *filter(None, [lag_in_words(calibration)])]
 
 
 def _weak_in_words(calibration: Calibration) -> str:

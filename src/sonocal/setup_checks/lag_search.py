@@ -20,11 +20,13 @@ from sonocal.setup_checks.latency import deviation_of, is_significant, latency_o
 from sonocal.setup_checks.lines_in_time import Moved, RowsInTime, ShiftedRows
 from sonocal.setup_checks.motion import FEWEST_FRAMES, Motion
 
-__all__ = ["Lag", "find_lag"]
+__all__ = ["Lag", "find_lag", "rough_lag"]
 
 # Lags tried to either side: of a frame grabber, a video chain, a tracker's filter; and how finely, where a fast hand
 # moves by less than the threshold.
 MOST_S, STEP_S = 0.3, 0.02
+# And where a lag is asked for, that no chance has to be told from.
+MOST_ASKED_S = 0.5
 MOST_FRAMES, STEP_FRAMES = 6.0, 0.5
 FEW_SAMPLES = 300
 # Sightings that take part in the search and in the refinement, evenly from the whole scan: more make it no surer.
@@ -110,22 +112,39 @@ def find_lag(
         least: share of the rows that must agree under the lag.
     """
     options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
-    some = rows.select(_some(rows, MOST_SEARCHED))
-    still = _tried(some, 0.0, options)
-    if not _enough(still.shifted):
-        return None
     most, step = (MOST_S, STEP_S) if rows.unit == "s" else (MOST_FRAMES, STEP_FRAMES)
-    count = round(most / step)
-    lags = step * np.arange(-count, count + 1)
-    known = LEAST_KNOWN * len(still.shifted.rows)
-    trials = [_tried(some, lag, options) for lag in lags if lag != 0.0]
-    best = min(
-        (one for one in trials if len(one.shifted.rows) >= known), key=lambda one: one.cost, default=still
-    )
+    still, trials = _trials(rows, options, most, step)
+    best = min(trials, key=lambda one: one.cost, default=still)
     if best.fit is None:
         return None
     found = _refined(rows.select(_some(rows, MOST_REFINED)), best, options, step, most)
     return found if found is not None and found.agreeing >= least * found.compared else None
+
+
+def rough_lag(rows: RowsInTime, threshold_mm: float, model: Model = "similarity") -> tuple[float, Fit] | None:
+    """The lag of those tried, s, under which the rows agree best, none among them, and the fit; None: under none.
+
+    Args:
+        rows: and where their lines were at any moment.
+        threshold_mm: rows within this distance agree.
+        model: of the transform.
+    """
+    options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
+    still, trials = _trials(rows, options, MOST_ASKED_S, STEP_S)
+    best = min((still, *trials), key=lambda one: one.cost)
+    return None if best.fit is None else (float(best.shifted.lag), best.fit)
+
+
+def _trials(rows: RowsInTime, options: Options, most: float, step: float) -> tuple[_Trial, list[_Trial]]:
+    """Some of the rows as they stand, and under each lag up to the most at which enough of them are known."""
+    some = rows.select(_some(rows, MOST_SEARCHED))
+    still = _tried(some, 0.0, options)
+    if not _enough(still.shifted):
+        return replace(still, fit=None), []
+    count = round(most / step)
+    lags = step * np.arange(-count, count + 1)
+    trials = [_tried(some, lag, options) for lag in lags if lag != 0.0]
+    return still, [one for one in trials if len(one.shifted.rows) >= LEAST_KNOWN * len(still.shifted.rows)]
 
 
 def _some(rows: RowsInTime, most: int) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,17 @@ from sonocal.geometry import Array
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["LinesInTime", "Moved", "RowsInTime", "ShiftedRows", "time_of", "tracks_of"]
+__all__ = [
+    "LONGEST_S",
+    "LinesInTime",
+    "Moved",
+    "RowsInTime",
+    "ShiftedRows",
+    "neighbours_noise",
+    "pieces_of",
+    "time_of",
+    "tracks_of",
+]
 
 # Stretches between sightings that are bridged: up to this many usual ones, and in seconds no longer than a hand
 # keeps its course.
@@ -22,6 +32,14 @@ LEAST_KNOTS = 4
 NEWTON_STEPS = 3
 # Root of the median of a standard normal variable's square.
 MEDIAN_OF_SQUARES = 0.6745
+
+
+class Lines(Protocol):
+    """Lines whose places are known at any moment near those at which they were seen."""
+
+    def at(self, track: NDArray[np.int64], time: Array) -> Moved:
+        """Where the lines of some tracks (N,) were at some times (N,)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +86,10 @@ class LinesInTime:
         order = np.lexsort((np.arange(len(axis)), axis))
         order = order[np.concatenate([[True], np.diff(axis[order]) > 0])] if len(order) else order
         axis, places = axis[order], segments_mm[order].reshape(-1, 6)
-        piece = _pieces(axis, places, track[order], longest)
+        piece = pieces_of(axis, places, track[order], longest)
         kept = np.bincount(piece, minlength=1)[piece] >= LEAST_KNOTS
         axis, places, piece = axis[kept], places[kept], group_codes(piece[kept])
-        sigma_mm = _noise(axis, places, piece)
+        sigma_mm = neighbours_noise(axis, places, piece)
         first = np.flatnonzero(np.diff(piece, prepend=-1))
         last = np.flatnonzero(np.diff(piece, append=-1))
         moments, places = (_with_ends(values, first, last) for values in (axis, places))
@@ -160,7 +178,7 @@ class RowsInTime:
     """
 
     table: PointLineRows
-    lines: LinesInTime
+    lines: Lines
     track: NDArray[np.int64]
     time: Array
     unit: str
@@ -235,7 +253,9 @@ def _longest(unit: str) -> float:
     return LONGEST_S if unit == "s" else np.inf
 
 
-def _pieces(axis: Array, places: Array, track: NDArray[np.int64], longest: float) -> NDArray[np.int64]:
+def pieces_of(
+    axis: Array, places: Array, track: NDArray[np.int64], longest: float, most_steps: float = MOST_STEPS
+) -> NDArray[np.int64]:
     """(M,): which piece each sighting is of: a gap, another needle or an end for the other parts two."""
     if not len(axis):
         return np.zeros(0, dtype=np.int64)
@@ -243,7 +263,7 @@ def _pieces(axis: Array, places: Array, track: NDArray[np.int64], longest: float
     usual = float(np.median(step[same])) if same.any() else 0.0
     along = places[:, 3:] - places[:, :3]
     turned = np.einsum("ni,ni->n", along[1:], along[:-1]) <= 0
-    broken = ~same | turned | (step > min(MOST_STEPS * usual, longest))
+    broken = ~same | turned | (step > min(most_steps * usual, longest))
     return np.concatenate([[0], np.cumsum(broken)])
 
 
@@ -253,7 +273,7 @@ def _with_ends(values: Array, first: NDArray[np.int64], last: NDArray[np.int64])
     return np.insert(values, np.concatenate([first, last + 1]), np.concatenate([before, after]), axis=0)
 
 
-def _noise(axis: Array, places: Array, piece: NDArray[np.int64]) -> float:
+def neighbours_noise(axis: Array, places: Array, piece: NDArray[np.int64]) -> float:
     """Standard deviation along each axis of how far sightings are from the straight way between their neighbours."""
     inside = np.flatnonzero(piece[2:] == piece[:-2])
     if not len(inside):

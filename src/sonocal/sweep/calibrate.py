@@ -15,21 +15,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
 
 from sonocal.calibration import Calibration, calibrate, seen_at_assumed_speed
+from sonocal.calibration.lagged import lag_of_rows, with_lag
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
 from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
-from sonocal.recording import Recording, health, stated_scale
+from sonocal.recording import Recording, health, stated_scale, with_latency
 from sonocal.recording.health import Progress
 from sonocal.setup_checks.scale import scale_deviation, scale_doubt
 from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
+from sonocal.sweep.lagged import lag_of_candidates, lag_of_points, most_used, moving_rows, require_clock
 from sonocal.sweep.mixed import calibrate_targets
 from sonocal.sweep.options import (
     Keywords,
@@ -75,6 +78,10 @@ def calibrate_recording(
             probe ("Probe"): the tool that the probe's marker is called.
             fixed (None): constant ``(target, source) -> (4, 4)``, such as a device set's.
             on_invalid ("raise"): refuse poses marked valid that are not rigid, or "skip" them.
+
+            How images and poses belong together:
+            latency (None): "estimate": how much later the tracker stamps an instant than the images do is fitted,
+            too, and undone; needle or probe must move.
 
             What to choose:
             threshold_mm (5, or a fifth of the distance between lines of one frame, so that they are not taken for
@@ -129,6 +136,8 @@ class Sweep:
         require("recording", recording, Recording)
         require_lines(lines)
         asked = Options.for_lines(recording, lines, **options)
+        if asked.latency is not None:
+            require_clock(recording)
         detector = detector_of(recording, asked.detection)
         return cls(recording, lines, asked, detector, asked.posing.segments_mm(recording, lines))
 
@@ -147,6 +156,8 @@ class Sweep:
         name, images = self.recording.name, detections.images
         if len(detections) == 0:
             raise no_candidates(name, images)
+        if self.options.latency is not None:
+            return self._late(detections, start)
         table = tabulated(self.recording, self.lines, detections, self.segments_mm).observations
         # How well an echo is placed is not told: a needle bends and sound is refracted, so that echo and needle part
         # by more. Taken for all of the image's noise, it would leave the rest to the tracker: to wrong sightings.
@@ -165,6 +176,23 @@ class Sweep:
         wider = with_pose_errors(judged, rows, self.recording, self.options.posing)
         recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
+
+    def at_lag(self, latency_s: float) -> Sweep:
+        """The same with every pose taken where its image belongs."""
+        moved = with_latency(self.recording, latency_s, on_invalid=self.options.on_invalid)
+        segments = self.options.posing.segments_mm(moved, self.lines)
+        known = replace(self.options, latency=None)
+        return replace(self, recording=moved, segments_mm=segments, options=known)
+
+    def _late(self, detections: Detections, start: AxisScaled | None) -> CandidateCalibration:
+        """As `calibrate`, with the lag as one more unknown: what is chosen under it roughly tells it finely."""
+        recording, lines, segments = self.recording, self.lines, self.segments_mm
+        tried = lag_of_candidates(recording, lines, detections, segments, self.options)
+        chosen = most_used([partial(self.at_lag(one).calibrate, detections, start) for one in tried])
+        lag = lag_of_rows(moving_rows(recording, lines, chosen, segments), self.options, recording.name)
+        found = self.at_lag(lag.latency_s).calibrate(detections, lag.fit.transform)
+        rows = seen_at_assumed_speed(found.calibration.sound, found.observations)
+        return replace(found, calibration=with_lag(found.calibration, lag, rows))
 
     def _across(self) -> Array | None:
         """(N, 2, 3): of the only needle, two axes across it that turn with it, in the probe marker's frame."""
@@ -218,16 +246,20 @@ def calibrate_points(
             f"{detections.source}: target '' is none of the lines {', '.join(line.name for line in known)[:200]}; "
             "name one"
         )
+    lag = None if asked.latency is None else lag_of_points(recording, known, detections, asked)
+    if lag is not None:
+        recording = with_latency(recording, lag.latency_s, on_invalid=asked.on_invalid)
     sightings = tabulate(recording, known, detections, asked.posing)
     suspects = _suspects(recording, known, detections, asked)
     with suspects.explaining():
-        found = calibrate(sightings.observations, **of_calibrate(asked))
+        found = calibrate(sightings.observations, **of_calibrate(asked, latency=None))
     found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
         sightings.diagnostics
     )
     rows = seen_at_assumed_speed(found.sound, sightings.observations)
     found = with_pose_errors(found, rows, recording, asked.posing)
-    return _as_recorded(found, recording, known, asked.probe), sightings.observations
+    found = _as_recorded(found, recording, known, asked.probe)
+    return found if lag is None else with_lag(found, lag, rows), sightings.observations
 
 
 def _lines_alone(targets: object, detections: Detections) -> bool:

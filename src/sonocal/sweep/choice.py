@@ -149,7 +149,7 @@ def calibrate_chosen(
     used = table.agreeing(chosen)
     if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
-    last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen))
+    last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen), latency=None)
     calibration = calibrate(table.at(chosen), **last)
     reasons = {
         "no candidate or no pose": total - table.count,

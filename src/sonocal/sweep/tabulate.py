@@ -16,6 +16,7 @@ from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording
+from sonocal.recording.health import moved_out
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import Line, check_lines
 
@@ -149,7 +150,8 @@ def tabulated(
     table = _timed(table, recording.times)
     if recording.image is not None:
         table = table.with_sound(image_size_px=recording.image.size_px)
-    return Sightings(table, *_left_out(len(detections), row, posed, seen))
+    by_lag = moved_out(recording)[detections.frame]
+    return Sightings(table, *_left_out(len(detections), row, posed, seen, by_lag))
 
 
 def _trials(lines: Sequence[Line], detections: Detections) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -220,22 +222,29 @@ def _check_places(recording: Recording, detections: Detections) -> None:
 
 
 def _left_out(
-    count: int, row: NDArray[np.int64], posed: NDArray[np.bool_], seen: NDArray[np.bool_]
+    count: int,
+    row: NDArray[np.int64],
+    posed: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    by_lag: NDArray[np.bool_],
 ) -> tuple[NDArray[np.bool_], tuple[Diagnostic, ...]]:
-    """Which detections (count,) became rows, and why others did not: a detection with a pose of some line has one."""
+    """Which detections (count,) became rows, and why others did not: a detection with a pose of some line has one.
+
+    Those that a latency takes beyond the recording's ends are no fault of the tracker.
+    """
     some_pose, kept = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     some_pose[row[posed]], kept[row[posed & seen]] = True, True
     reasons = {
-        "no-pose": (~some_pose, "have no valid pose"),
-        "no-image": (some_pose & ~kept, "lie in images marked invalid"),
+        "no-pose": (~some_pose, "have no valid pose", by_lag[~some_pose].all()),
+        "no-image": (some_pose & ~kept, "lie in images marked invalid", False),
     }
     return kept, tuple(
         Diagnostic(
             code=code,
-            severity="warning",
+            severity="info" if expected else "warning",
             message=f"{rows.sum()} of {count} detections {what} and were left out",
             advice="keep the markers in the tracker's view; sonocal info lists the frames' faults",
         )
-        for code, (rows, what) in reasons.items()
+        for code, (rows, what, expected) in reasons.items()
         if rows.any()
     )

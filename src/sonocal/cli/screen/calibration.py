@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from sonocal.calibration import Calibration, ErrorStatistics, point_line_rows
+from sonocal.calibration.lagged import lag_in_words
 from sonocal.cli.screen.parts import print_findings, standing, verdict_text
 from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.geometry import similarity_errors
@@ -33,6 +34,8 @@ def print_calibration(console: Console, calibration: Calibration) -> None:
     if calibration.covariance is not None:
         console.print(_prediction_table(calibration))
     console.print(_matrix(calibration))
+    if lag := lag_in_words(calibration):
+        console.print(lag)
     console.print(standing(calibration))
     print_findings(console, calibration.diagnostics, "info")
 

@@ -1,4 +1,4 @@
-#include "sonocal/estimate/normal_equations.hpp"
+#include "sonocal/solvers/normal_equations.hpp"
 
 #include <cmath>
 #include <type_traits>
