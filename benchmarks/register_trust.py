@@ -13,19 +13,22 @@ import numpy as np
 from scipy.stats import f as fisher
 
 import sonocal as sc
-from benchmarks.simulators.mixes import Mix, mix_of, with_strangers
+from benchmarks.simulators.mixes import Mix, mix_of, planes_through, with_strangers
 from benchmarks.trust import written
 from sonocal.registration import Registration, constraints, register
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
+# Of planes the numbers alone are given, as whoever has no points of them would.
 MAKERS = {
-    "point_plane": constraints.point_plane,
+    "point_plane": lambda source, target: constraints.point_plane(source, planes_through(target)),
     "point_line": constraints.point_line,
     "image_point_line": constraints.point_line,
     "point_point": constraints.point_point,
     "line_line": constraints.line_line,
-    "line_plane": constraints.line_plane,
-    "plane_plane": constraints.plane_plane,
+    "line_plane": lambda source, target: constraints.line_plane(source, planes_through(target)),
+    "plane_plane": lambda source, target: constraints.plane_plane(
+        planes_through(source), planes_through(target)
+    ),
 }
 THRESHOLD_MM = 5.0
 SETS: tuple[dict[str, int], ...] = (

@@ -28,7 +28,7 @@ class Part:
 
     Attributes:
         kind: a name of `KINDS`.
-        source: points (N, 3), segments (N, 2, 3) or planes (N, 4): (n, d) with n . x + d = 0.
+        source: points (N, 3), segments (N, 2, 3) or three points of each plane (N, 3, 3).
         target: likewise, mm.
     """
 
@@ -122,7 +122,7 @@ def point_plane(scene: Scene, count: int) -> tuple[Array, Array]:
     """Points, and planes that were touched near them."""
     points, normals = scene.places(count), scene.directions(count)
     near = scene.on_planes(points, normals)[:, 0]
-    return scene.source(points), planes_through(scene.target(scene.on_planes(near, normals)))
+    return scene.source(points), scene.target(scene.on_planes(near, normals))
 
 
 def point_line(scene: Scene, count: int) -> tuple[Array, Array]:
@@ -156,25 +156,45 @@ def line_plane(scene: Scene, count: int) -> tuple[Array, Array]:
     along = np.cross(normals, scene.directions(count))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     near = scene.on_planes(points, normals)[:, 0]
-    return (
-        scene.source(scene.on_lines(points, along)),
-        planes_through(scene.target(scene.on_planes(near, normals))),
-    )
+    return scene.source(scene.on_lines(points, along)), scene.target(scene.on_planes(near, normals))
 
 
 def plane_plane(scene: Scene, count: int) -> tuple[Array, Array]:
     """Planes, touched at other places on either side."""
     points, normals = scene.places(count), scene.directions(count)
     near = scene.on_planes(points, normals)[:, 0]
-    return (
-        planes_through(scene.source(scene.on_planes(points, normals))),
-        planes_through(scene.target(scene.on_planes(near, normals))),
-    )
+    return scene.source(scene.on_planes(points, normals)), scene.target(scene.on_planes(near, normals))
+
+
+def image_point_point(scene: Scene, count: int) -> tuple[Array, Array]:
+    """Points of an image, on known points."""
+    points = scene.places(count) * [1, 1, 0]
+    return scene.source(points) * [1, 1, 0], scene.target(points)
+
+
+def image_line_plane(scene: Scene, count: int) -> tuple[Array, Array]:
+    """Planes that an image shows as lines: two points of each, half an image apart at least."""
+    ends = scene.random.uniform(0, SIDE, (count, 2, 3)) * [0.4, 1, 0] + [[0, 0, 0], [0.6 * SIDE, 0, 0]]
+    along = ends[:, 1] - ends[:, 0]
+    normals = np.cross(along, scene.directions(count))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    near = scene.on_planes(ends.mean(axis=1), normals)[:, 0]
+    return scene.source(ends) * [1, 1, 0], scene.target(scene.on_planes(near, normals))
 
 
 KINDS: dict[str, Callable[[Scene, int], tuple[Array, Array]]] = {
     one.__name__: one
-    for one in (point_plane, point_line, image_point_line, point_point, line_line, line_plane, plane_plane)
+    for one in (
+        point_plane,
+        point_line,
+        image_point_line,
+        point_point,
+        line_line,
+        line_plane,
+        plane_plane,
+        image_point_point,
+        image_line_plane,
+    )
 }
 
 

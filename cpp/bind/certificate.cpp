@@ -24,12 +24,22 @@ Certificate of_lines(const Table& table, const Chosen& chosen, const Transform& 
   return certificate(table, rows, at, options);
 }
 
+Certificate of_targets(const MixedTable& table, const Chosen& chosen, const Transform& at,
+                       const Options& options, bool scale_known) {
+  require(options.levels.px > 0 || options.levels.mm > 0, "the likelihood's weights need a noise level");
+  const bool* marks = checked_marks(chosen, table.count);
+  nb::gil_scoped_release unlocked;
+  return certificate(table, marks, at, options.levels, scale_known);
+}
+
 std::string py_certificate(const BoundTable& bound, const Chosen& chosen, const Transform& at,
                            const Options& options, double scale, const std::optional<Residuals>& weights) {
   check_scale(scale);
   Certificate found;
   if (bound.of_points_and_lines()) {
     found = of_lines(bound.lines(), chosen, at, options);
+  } else if (bound.of_points_and_targets()) {
+    found = of_targets(bound.targets(), chosen, at, options, scale > 0);
   } else {
     const Correspondences all = bound.planes();
     const bool* marks = checked_marks(chosen, all.count);

@@ -12,6 +12,7 @@
 #include "bind/table.hpp"
 #include "sonocal/correspondences/chance.hpp"
 #include "sonocal/estimate/lines_agreement.hpp"
+#include "sonocal/estimate/mixed_estimate.hpp"
 #include "sonocal/estimate/white_residuals.hpp"
 
 using namespace nb::literals;
@@ -76,7 +77,7 @@ struct PyEstimate {
   bool sound = false;  // the transform is one: finite numbers, scales above 0
   bool plain = false;  // so many rows agree that chance need not be counted
   int inliers = 0, samples = 0;
-  double threshold = 0, squared_sum = 0, level_px = 0, level_mm = 0, least_information = 0;
+  double threshold = 0, squared_sum = 0, level_px = 0, level_mm = 0, least_information = 0, freedom = 0;
   Out<double> rotation, translation, scales;
   Array residuals_mm, covariance;
   Array jacobian, shift, by_level, white;
@@ -193,6 +194,32 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
   return result;
 }
 
+PyEstimate py_maximise(const BoundTable& bound, const Transform& start, const Options& options,
+                       bool scale_known) {
+  const MixedTable table = bound.targets();
+  require(options.model == Model::kSimilarity, "only a similarity is fitted to a mix");
+  const Model model = scale_known ? Model::kScaleKnown : options.model;
+  MixedEstimate e;
+  {
+    nb::gil_scoped_release unlocked;
+    e = maximise_mixed(table, start, model, options.levels, options.threshold_mm);
+  }
+  PyEstimate result;
+  result.found = e.inliers > 0;
+  result.converged = e.converged;
+  result.inliers = e.inliers;
+  result.threshold = options.threshold_mm;
+  result.level_px = e.levels.px;
+  result.level_mm = e.levels.mm;
+  result.freedom = e.freedom;
+  put(e.transform, result);
+  result.covariance = to_numpy(e.covariance);
+  const Eigen::Map<const Eigen::VectorXd> squares(e.squares.data(),
+                                                  static_cast<Eigen::Index>(e.squares.size()));
+  result.residuals_mm = to_numpy(squares.cwiseSqrt());
+  return result;
+}
+
 std::vector<double> squares_of(const Residuals& residuals, int count) {
   require(residuals.shape(0) == static_cast<std::size_t>(count), "residuals are not one a correspondence");
   std::vector<double> squares(residuals.data(), residuals.data() + count);
@@ -250,6 +277,7 @@ void bind_estimate(nb::module_& m) {
       .def_ro("level_px", &PyEstimate::level_px)
       .def_ro("level_mm", &PyEstimate::level_mm)
       .def_ro("least_information", &PyEstimate::least_information)
+      .def_ro("freedom", &PyEstimate::freedom)
       .def_ro("rotation", &PyEstimate::rotation, owned)
       .def_ro("translation", &PyEstimate::translation, owned)
       .def_ro("scales", &PyEstimate::scales, owned)
@@ -265,6 +293,7 @@ void bind_estimate(nb::module_& m) {
   m.def("white_residuals", &py_white_residuals, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a);
   m.def("estimate_correspondences", &py_estimate_correspondences, "table"_a, "options"_a, nb::kw_only(),
         "refine"_a = true, "scale"_a = 0.0, "weights"_a.noconvert() = nb::none());
+  m.def("maximise", &py_maximise, "table"_a, "start"_a, "options"_a, nb::kw_only(), "scale_known"_a = false);
   nb::class_<Agreement>(m, "Agreement")
       .def_ro("agreeing", &Agreement::agreeing)
       .def_ro("by_chance", &Agreement::by_chance)

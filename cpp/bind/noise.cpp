@@ -102,7 +102,8 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
     const std::size_t units =
         weighted ? std::set<std::int32_t>(white.row.begin(), white.row.end()).size() : white.row.size() / 2;
     shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
-    wider = small_sample_covariance(white, by_unknown(white, options, known_px, known_mm), of_tangent);
+    wider =
+        small_sample_covariance(white.jacobian, by_unknown(white, options, known_px, known_mm), of_tangent);
     if (times != nullptr) drift = drift_of(white, times, table.labels.target, of_tangent);
     const double px_share = white.by_level.col(0).mean() * options.levels.px * options.levels.px;
     apparent = apparent_of(white, px_share, wider.ratio_variance, of_tangent);

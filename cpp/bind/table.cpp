@@ -53,6 +53,18 @@ void check_first(const BoundTable::First& first, int rows) {
     require(first.data()[i] > first.data()[i - 1], "first does not grow from one entry to the next");
 }
 
+// Points that span a point, a line or a plane: as many as it takes, and none of them within rounding of the
+// others'.
+void check_spanning(const double* points, std::int32_t count) {
+  require(count >= 1 && count <= 3, "a target is spanned by one, two or three points");
+  const Eigen::Map<const Vector3d> first(points), second(points + 3), third(points + 6);
+  constexpr double kFlat = 1e-9;  // of the longest side
+  const Vector3d along = second - first, aside = third - first;
+  require(count < 2 || along.norm() > 0, "a line's two points are one");
+  require(count < 3 || cross(along, aside).norm() > kFlat * along.norm() * aside.norm(),
+          "a plane's three points are on one line");
+}
+
 }  // namespace
 
 BoundTable BoundTable::of_lines(Points points, Segments segments, Codes sightings, Codes frames,
@@ -95,6 +107,7 @@ BoundTable BoundTable::of_planes(Points points, Planes planes, First first) {
   check_finite(planes.data(), rows * 4, "planes");
   check_first(first, static_cast<int>(rows));
   BoundTable table;
+  table.kind_ = Kind::kPlanes;
   table.points_ = points;
   table.rows_ = static_cast<int>(rows);
   table.planes_ = planes;
@@ -102,8 +115,43 @@ BoundTable BoundTable::of_planes(Points points, Planes planes, First first) {
   return table;
 }
 
+BoundTable BoundTable::of_targets(Points points, First first, Spanning spanning, First spans,
+                                  Factors noise_px, Factors noise_mm, int dimension) {
+  const std::size_t rows = points.shape(0), count = spanning.shape(0);
+  require(dimension == 2 || dimension == 3, "dimension is neither 2 nor 3");
+  require(rows > 0 && rows <= kMostRows, "a table has between one row and 2^28");
+  check_finite(points.data(), rows * 3, "points");
+  for (std::size_t i = 0; dimension == 2 && i < rows; ++i)
+    require(points.data()[3 * i + 2] == 0, "points of a 2D image have a third coordinate that is not 0");
+  check_first(first, static_cast<int>(rows));
+  need_length(first.shape(0) - 1, count, "first");
+  need_length(spans.shape(0), count, "spans");
+  check_finite(spanning.data(), count * 9, "spanning");
+  for (std::size_t c = 0; c < count; ++c) check_spanning(spanning.data() + 9 * c, spans.data()[c]);
+  check_factors(noise_px, rows, "noise_px");
+  check_factors(noise_mm, count, "noise_mm");
+  BoundTable table;
+  table.kind_ = Kind::kTargets;
+  table.points_ = points;
+  table.rows_ = static_cast<int>(rows);
+  table.dimension_ = dimension;
+  table.first_ = first;
+  table.spanning_ = spanning;
+  table.spans_ = spans;
+  table.noise_px_ = noise_px;
+  table.noise_mm_ = noise_mm;
+  return table;
+}
+
+void BoundTable::need(Kind kind) const {
+  constexpr const char* kNames[] = {"lines", "planes", "targets"};
+  if (kind_ != kind)
+    refuse(std::string("the table is of points and ") + kNames[static_cast<int>(kind_)] +
+           ", and this takes points and " + kNames[static_cast<int>(kind)]);
+}
+
 Table BoundTable::lines() const {
-  require(dimension_ != 0, "the table is of points and planes, and this takes points and lines");
+  need(Kind::kLines);
   const auto data = [](const auto& array) { return array ? array->data() : nullptr; };
   return {points_.data(),
           segments_.data(),
@@ -115,8 +163,20 @@ Table BoundTable::lines() const {
 }
 
 Correspondences BoundTable::planes() const {
-  require(dimension_ == 0, "the table is of points and lines, and this takes points and planes");
+  need(Kind::kPlanes);
   return {points_.data(), planes_.data(), first_.data(), static_cast<int>(first_.shape(0)) - 1};
+}
+
+MixedTable BoundTable::targets() const {
+  need(Kind::kTargets);
+  const auto data = [](const auto& array) { return array ? array->data() : nullptr; };
+  return {points_.data(),
+          first_.data(),
+          spanning_.data(),
+          spans_.data(),
+          {data(noise_px_), data(noise_mm_)},
+          static_cast<int>(first_.shape(0)) - 1,
+          dimension_};
 }
 
 void bind_table(nb::module_& m) {
@@ -127,5 +187,9 @@ void bind_table(nb::module_& m) {
                   "noise_mm"_a.noconvert().none() = nb::none(), nb::kw_only(), "dimension"_a)
       .def_static("of_planes", &BoundTable::of_planes, "points"_a.noconvert(), "planes"_a.noconvert(),
                   "first"_a.noconvert())
+      .def_static("of_targets", &BoundTable::of_targets, "points"_a.noconvert(), "first"_a.noconvert(),
+                  "spanning"_a.noconvert(), "spans"_a.noconvert(),
+                  "noise_px"_a.noconvert().none() = nb::none(), "noise_mm"_a.noconvert().none() = nb::none(),
+                  nb::kw_only(), "dimension"_a)
       .def("__len__", &BoundTable::rows);
 }

@@ -7,10 +7,11 @@
 
 #include "bind/arrays.hpp"
 #include "sonocal/correspondences/correspondences.hpp"
+#include "sonocal/estimate/mixed_table.hpp"
 #include "sonocal/estimate/table.hpp"
 
-// Points against lines, or points against planes in groups that are one correspondence each. The arrays stay
-// alive.
+// Points against lines, points against planes in groups that are one correspondence each, or points against
+// what other points span. The arrays stay alive.
 class BoundTable {
  public:
   using Points = In<double, nb::shape<-1, 3>>;
@@ -22,20 +23,32 @@ class BoundTable {
 
   static BoundTable of_lines(Points points, Segments segments, Codes sightings, Codes frames, Codes targets,
                              Factors noise_px, Factors noise_mm, int dimension);
+  using Spanning = In<double, nb::shape<-1, 3, 3>>;
+
   static BoundTable of_planes(Points points, Planes planes, First first);
 
+  static BoundTable of_targets(Points points, First first, Spanning spanning, First spans, Factors noise_px,
+                               Factors noise_mm, int dimension);
+
   int rows() const { return rows_; }
-  bool of_points_and_lines() const { return dimension_ != 0; }
+  bool of_points_and_lines() const { return kind_ == Kind::kLines; }
+  bool of_points_and_targets() const { return kind_ == Kind::kTargets; }
   // Each refuses a table of the other kind.
   sonocal::Table lines() const;
   sonocal::Correspondences planes() const;
+  sonocal::MixedTable targets() const;
 
  private:
+  enum class Kind { kLines, kPlanes, kTargets };
+  void need(Kind kind) const;
+
+  Kind kind_ = Kind::kLines;
   Points points_;
   int rows_ = 0, dimension_ = 0;
   Segments segments_;
   Codes sightings_, frames_, targets_;
   Factors noise_px_, noise_mm_;
   Planes planes_;
-  First first_;
+  First first_, spans_;
+  Spanning spanning_;
 };

@@ -60,14 +60,34 @@ def white_residuals(h: Hostile) -> Any:
     return h.core.white_residuals(table, h.chosen(rows), h.transform(), h.options(model))
 
 
+def targets(h: Hostile) -> Any:
+    """Points on points, lines and planes, a few of each."""
+    spans = h.random.integers(1, 4, h.pick([1, 4, 12])) + (h.pick([-3, 9]) if h.spoils() else 0)
+    first = np.cumsum([0, *h.random.integers(1, 4, len(spans))])
+    dimension = h.pick([2, 3])
+    points = h.random.uniform(0, 500, (first[-1], 3)) * [1, 1, dimension - 2]
+    spanning = h.random.uniform(-100, 100, (len(spans), 3, 3)) * h.pick([1.0, 1.0, 0.0, 1e-6, 1e50])
+    factors = [
+        h.pick([None, h.array(np.full(size, h.number(2.0), object) if h.spoils() else np.full(size, 2.0))])
+        for size in (len(points), len(spans))
+    ]
+    about = h.array(points), h.array(first, np.int32), h.array(spanning), h.array(spans, np.int32)
+    return h.core.Table.of_targets(*about, *factors, dimension=h.count(dimension))
+
+
+def maximise(h: Hostile) -> Any:
+    table = h.lines()[0] if h.spoils() else targets(h)
+    return h.core.maximise(table, h.transform(), h.options(), scale_known=h.pick([True, False]))
+
+
 def certificate(h: Hostile) -> Any:
     weights, scale = h.pick([None, h.array(np.full(h.pick([5, 20]), 0.5))]), h.number(h.pick([0.0, 0.24]))
     if h.pick([True, False]):
         table, rows, model = h.lines()
         about = h.chosen(rows), h.transform(), h.options(model)
         return h.core.certificate(table, *about, scale=scale, weights=weights)
-    about = h.chosen(h.pick([1, 2, 3, 4, 5])), h.transform(), h.options()
-    return h.core.certificate(h.planes(), *about, scale=scale, weights=weights)
+    about = h.chosen(h.pick([1, 2, 3, 4, 5, 12])), h.transform(), h.options()
+    return h.core.certificate(h.pick([h.planes, lambda: targets(h)])(), *about, scale=scale, weights=weights)
 
 
 def noise_sums(h: Hostile) -> Any:
@@ -175,6 +195,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
         scale=h.number(h.pick([0.0, 0.24])),
         weights=h.pick([None, h.array(np.full(h.pick([5, 20]), 0.5))]),
     ),
+    "maximise": maximise,
     "agreement": agreement,
     "noise_sums": noise_sums,
     "extent": extent,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from benchmarks.register_trust import MAKERS
 from benchmarks.simulators.mixes import Mix
 from scipy.spatial.transform import Rotation
 
@@ -11,11 +12,8 @@ from sonocal.geometry import Similarity
 
 
 def rows_of(mix: Mix) -> reg.Rows:
-    """All parts of a mix."""
-    names = {"image_point_line": "point_line"}
-    return reg.rows(
-        *(getattr(reg, names.get(part.kind, part.kind))(part.source, part.target) for part in mix.parts)
-    )
+    """All parts of a mix, planes as numbers."""
+    return reg.rows(*(MAKERS[part.kind](part.source, part.target) for part in mix.parts))
 
 
 def errors_of(found: Similarity, truth: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import compare, give_verdict, validate
 from tests.builders.damage import KINDS
 from tests.builders.hostile import Hostile
+from tests.builders.mixed_tables import mixed_table
 from tests.builders.readers import READERS, sound_files
 
 OPTIONS: dict[str, list[Any]] = {
@@ -67,6 +68,9 @@ NEEDLE = b'[[line]]\nname = "a"\nframe = "Needle"\nfrom_mm = [0.0, 0.0, 0.0]\nto
 COMMANDS: list[list[str]] = [
     ["calibrate", "table.csv", "-o", "out", "--overwrite"],
     ["calibrate", "solid.csv", "-o", "out", "--overwrite", "--no-report", "--json"],
+    ["calibrate", "mixed.csv", "-o", "out", "--overwrite", "--no-report"],
+    ["info", "mixed.csv"],
+    ["validate", "calibration.json", "mixed.csv", "-o", "out", "--overwrite"],
     ["validate", "calibration.json", "table.csv", "-o", "out", "--overwrite", "--no-report"],
     ["info", "table.csv"],
     ["info", "calibration.json", "--json"],
@@ -115,7 +119,19 @@ def options(h: Hostile) -> dict[str, Any]:
     return {name: h.pick(ODD) if h.spoils() else h.pick(OPTIONS[name]) for name in chosen}
 
 
+def mixed(h: Hostile) -> sc.Observations:
+    """A table of points, lines and planes."""
+    _, rows = mixed_table(int(h.random.integers(50)), h.pick([1, 3, 8]), flat=h.pick([True, False]))
+    scale = h.pick([1.0, 1e-3, 1e6, 1e-9, 0.0]) if h.spoils() else 1.0
+    names = h.pick([rows.target, rows.frame.astype(str), np.full(len(rows), "wall")])
+    return sc.Observations.of_targets(
+        h.array(rows.points_px), h.array(rows.spanning_mm * scale), frame=rows.frame, target=names
+    )
+
+
 def table(h: Hostile) -> sc.Observations:
+    if h.random.random() < 0.2:
+        return mixed(h)
     dimension = h.pick([2, 2, 3])
     rows = simulate_observations(
         dimension, h.pick([4, 5, 8, 20, 40]), seed=int(h.random.integers(50))
@@ -163,7 +179,7 @@ def validated(h: Hostile) -> None:
 def registered(h: Hostile) -> None:
     size = h.pick([0, 1, 3, 7, 20])
     points, lines = h.random.uniform(-1, 1, (2, size, 3)), h.random.uniform(-100, 100, (2, size, 2, 3))
-    planes = h.random.normal(size=(2, size, 4))
+    planes = h.pick([h.random.normal(size=(2, size, 4)), h.random.normal(size=(2, size, 3, 3))])
     kinds: list[Callable[[], Any]] = [
         lambda: reg.constraints.point_point(h.array(points[0]), h.array(points[1])),
         lambda: reg.constraints.point_line(h.array(points[0]), h.array(lines[0])),
@@ -184,7 +200,8 @@ def registered(h: Hostile) -> None:
 
 def parsed(h: Hostile) -> None:
     """Text of a table, damaged."""
-    content = damaged(h, observations_csv(simulate_observations(h.pick([2, 3]), 12, seed=1).observations))
+    sound = h.pick([simulate_observations(h.pick([2, 3]), 12, seed=1).observations, mixed_table(1)[1]])
+    content = damaged(h, observations_csv(sound))
     whole(sc.calibrate(parse_observations(content, "a.csv")), h)
 
 
@@ -237,6 +254,7 @@ def sound() -> sc.Calibration:
 def files() -> dict[str, bytes]:
     return {
         "table.csv": observations_csv(simulate_observations(2, 20, seed=1).observations),
+        "mixed.csv": observations_csv(mixed_table(1)[1]),
         "solid.csv": observations_csv(simulate_observations(3, 12, seed=1).observations),
         "calibration.json": calibration_json(sound()),
         "needle.toml": NEEDLE,

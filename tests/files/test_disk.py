@@ -16,6 +16,7 @@ from sonocal.detection import read_detections
 from sonocal.files import (
     beside,
     digest,
+    file_beside,
     file_size,
     path_of,
     read_at,
@@ -94,6 +95,13 @@ def test_a_data_file_lies_below_its_header(name):
     assert ".." not in name.replace("\\", "/").split("/")
     assert not name.startswith(("/", "\\"))
     assert "\0" not in name
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "b/" * 3000, "not there", "."])
+def test_a_name_that_no_file_has_is_of_none(tmp_path, name):
+    (tmp_path / "there").write_bytes(b"")
+    assert file_beside(tmp_path / "a.mhd", name) is None
+    assert file_beside(tmp_path / "a.mhd", "there") == tmp_path / "there"
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,7 @@ def test_scipy_finds_no_better_fit_and_of_points_the_same_covariance(seed, kinds
     random = np.random.default_rng(seed)
     true = truth(random)
     mix = reg.rows(*(correspondences(kind, 12, true, random, noise=0.2) for kind in kinds))
-    found = reg.register(mix, robust=False)
+    found = reg.register(mix, robust=False, weighting="geometric")
 
     def residuals(v):
         moved = Similarity.from_rotvec(v[:3], v[3:6], float(np.exp(v[6]))) @ mix.points

@@ -1,7 +1,7 @@
 // What rows seem to say of a motion and noise alone gives.
 #pragma once
 
-#include "sonocal/estimate/small_samples.hpp"
+#include "sonocal/estimate/white_residuals.hpp"
 
 namespace sonocal {
 

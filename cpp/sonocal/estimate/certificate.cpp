@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sonocal/estimate/likelihood.hpp"
+#include "sonocal/estimate/mixed_estimate.hpp"
 #include "sonocal/estimate/rotation_scale_cost.hpp"
 #include "sonocal/linalg/semidefinite.hpp"
 #include "sonocal/solvers/three_quadrics.hpp"
@@ -262,6 +263,17 @@ Certificate certificate(const Table& table, const bool* chosen, const Transform&
   const Refinement refined = refine(equations, start, options.model, kFinalIterations);
   if (!near(refined.transform, start)) return Certificate::kNotShown;
   return certificate(equations, refined.transform, options.model);
+}
+
+Certificate certificate(const MixedTable& table, const bool* chosen, const Transform& at, NoiseLevels levels,
+                        bool scale_known) {
+  const MixedRows rows(table);
+  const Transform start = rows.normalisation().to_normalised(at);
+  const NormalEquations equations = mixed_cost(rows, chosen, start, levels);
+  const Model model = scale_known ? Model::kScaleKnown : Model::kSimilarity;
+  const Refinement refined = refine(equations, start, model, kFinalIterations);
+  if (!near(refined.transform, start)) return Certificate::kNotShown;
+  return certificate(equations, refined.transform, Model::kSimilarity, scale_known);
 }
 
 Certificate certificate(const Correspondences& all, const bool* chosen, const double* weights,

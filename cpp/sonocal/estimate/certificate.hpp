@@ -2,6 +2,7 @@
 #pragma once
 
 #include "sonocal/correspondences/correspondences.hpp"
+#include "sonocal/estimate/mixed_table.hpp"
 #include "sonocal/estimate/normal_equations.hpp"
 #include "sonocal/estimate/table.hpp"
 
@@ -20,6 +21,10 @@ Certificate certificate(const Table& table, const bool* chosen, const Transform&
 // Of the correspondences with chosen[c]; `fixed_scale` > 0: the scale is known, and the transform has it.
 Certificate certificate(const Correspondences& all, const bool* chosen, const double* weights,
                         double fixed_scale, const Transform& at);
+
+// Of the sightings with chosen[c], weighed as they are at the transform by the levels.
+Certificate certificate(const MixedTable& table, const bool* chosen, const Transform& at, NoiseLevels levels,
+                        bool scale_known);
 
 // Of a quadratic cost at a transform; where it has a slope, kNotShown.
 Certificate certificate(const NormalEquations& equations, const Transform& at, Model model,

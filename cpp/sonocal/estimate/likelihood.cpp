@@ -18,6 +18,7 @@ constexpr double kConvergedLevel = 1e-5;  // of a squared level, relative
 constexpr double kMostStep = 1.4;         // of a squared level's logarithm
 constexpr double kNear = 0.5;             // a step of it that is no longer one of many
 constexpr double kLeastLevel = 1e-34;     // squared, so that noise-free rows have a weight
+constexpr double kFreeMotion = 1e-12;     // of the greatest pivot, in coordinates of order one
 constexpr double kRounding = 1e-24;       // variance, in coordinates of order one
 // How far, in standard deviations of its logarithm, the ratio of the two noises' shares in the residuals is
 // expected from one: wide enough to be forgotten when the data know better, and all there is when they do
@@ -80,13 +81,14 @@ struct Pass {
   int residuals = 0;
 };
 
-Pass pass_over(const NoiseModel& noise, const Transform& at, Variances levels, int step, bool for_levels) {
-  Pass pass(noise.rows().dimension());
+template <class Noise>
+Pass pass_over(const Noise& noise, const Transform& at, Variances levels, int step, bool for_levels) {
+  Pass pass(noise.dimension());
   IndependentBlock block;
   Block lost;
-  NoiseBlocks blocks(noise, at, levels, step, !for_levels);
+  typename Noise::Blocks blocks(noise, at, levels, step, !for_levels);
   while (blocks.next(block)) {
-    pass.residuals += 2 * block.count;
+    pass.residuals += block.residuals;
     const bool loses = robustify(block, lost);
     pass.fit.add(block);
     if (!for_levels) {
@@ -145,17 +147,12 @@ Vector2d level_step(const Pass& pass, const Transform& at, Variances levels, boo
   return result.cwiseMax(-kMostStep).cwiseMin(kMostStep);
 }
 
-Variances variances(const NoiseModel& noise, NoiseLevels levels) {
-  const Normalisation& n = noise.rows().normalisation();
-  return {std::pow(levels.px / n.image_size, 2), std::pow(levels.mm / n.size, 2)};
-}
-
-template <int kParameters>
+template <int kParameters, class Noise>
 class Maximiser {
  public:
-  Maximiser(const NoiseModel& noise, Model model, NoiseLevels known)
+  Maximiser(const Noise& noise, Model model, NoiseLevels known)
       : noise_(noise), model_(model), move_px_(!(known.px > 0)), move_mm_(!(known.mm > 0)) {
-    levels_ = variances(noise, known);
+    levels_ = variances(noise.normalisation(), known);
   }
 
   LikelihoodFit run(const Transform& start) {
@@ -175,7 +172,7 @@ class Maximiser {
     }
     alternate(start, 1, fit);
     fit.converged = fit.converged && found_levels;
-    const Normalisation& n = noise_.rows().normalisation();
+    const Normalisation& n = noise_.normalisation();
     fit.levels = {std::sqrt(levels_.px) * n.image_size, std::sqrt(levels_.mm) * n.size};
     const Pass last = pass_over(noise_, fit.transform, levels_, 1, false);
     if (fit.converged) fit.transform = refine(last.fit, fit.transform, model_, kIterationsARound).transform;
@@ -235,7 +232,7 @@ class Maximiser {
     return step.cwiseAbs().maxCoeff();
   }
 
-  const NoiseModel& noise_;
+  const Noise& noise_;
   const Model model_;
   bool move_px_, move_mm_;
   Variances levels_;
@@ -245,26 +242,42 @@ class Maximiser {
 
 }  // namespace
 
-LikelihoodFit maximise_likelihood(const NoiseModel& noise, const Transform& start, Model model,
+template <class Noise>
+LikelihoodFit maximise_likelihood(const Noise& noise, const Transform& start, Model model,
                                   NoiseLevels known) {
-  return model == Model::kSimilarity ? Maximiser<7>(noise, model, known).run(start)
-                                     : Maximiser<8>(noise, model, known).run(start);
+  switch (model) {
+    case Model::kScaleKnown:
+      return Maximiser<6, Noise>(noise, model, known).run(start);
+    case Model::kSimilarity:
+      return Maximiser<7, Noise>(noise, model, known).run(start);
+    default:
+      return Maximiser<8, Noise>(noise, model, known).run(start);
+  }
 }
+template LikelihoodFit maximise_likelihood(const NoiseModel&, const Transform&, Model, NoiseLevels);
+template LikelihoodFit maximise_likelihood(const MixedNoise&, const Transform&, Model, NoiseLevels);
 
-NormalEquations weighted_cost(const NoiseModel& noise, const Transform& at, NoiseLevels levels) {
-  return pass_over(noise, at, variances(noise, levels), 1, false).fit;
+template <class Noise>
+NormalEquations weighted_cost(const Noise& noise, const Transform& at, NoiseLevels levels) {
+  return pass_over(noise, at, variances(noise.normalisation(), levels), 1, false).fit;
 }
+template NormalEquations weighted_cost(const NoiseModel&, const Transform&, NoiseLevels);
+template NormalEquations weighted_cost(const MixedNoise&, const Transform&, NoiseLevels);
 
-double deviance(const NoiseModel& noise, const Transform& at, NoiseLevels levels) {
-  NoiseBlocks blocks(noise, at, variances(noise, levels));
+template <class Noise>
+double deviance(const Noise& noise, const Transform& at, NoiseLevels levels) {
+  typename Noise::Blocks blocks(noise, at, variances(noise.normalisation(), levels));
   IndependentBlock block;
   double sum = 0;
   while (blocks.next(block))
     for (int k = 0; k < PointLines::kPlanes; ++k)
       for (int i = 0; i < block.count; ++i)
-        sum +=
-            block.residual[k][i] * block.residual[k][i] * block.weight[k][i] - std::log(block.weight[k][i]);
+        if (block.weight[k][i] > 0)
+          sum +=
+              block.residual[k][i] * block.residual[k][i] * block.weight[k][i] - std::log(block.weight[k][i]);
   return sum;
 }
+template double deviance(const NoiseModel&, const Transform&, NoiseLevels);
+template double deviance(const MixedNoise&, const Transform&, NoiseLevels);
 
 }  // namespace sonocal

@@ -1,6 +1,7 @@
 // Maximum likelihood: every residual weighted by what pixel noise and tracking noise make of it.
 #pragma once
 
+#include "sonocal/estimate/mixed_noise.hpp"
 #include "sonocal/estimate/noise_model.hpp"
 #include "sonocal/estimate/refine.hpp"
 
@@ -13,16 +14,20 @@ struct LikelihoodFit {
   bool converged = false;
 };
 
+// All of these are compiled for a `NoiseModel` and for a `MixedNoise`.
+
 // From a start to the maximum of the likelihood. A level that is zero is estimated, by restricted maximum
 // likelihood; one that is not is taken as known.
-LikelihoodFit maximise_likelihood(const NoiseModel& noise, const Transform& start, Model model,
-                                  NoiseLevels known);
+template <class Noise>
+LikelihoodFit maximise_likelihood(const Noise& noise, const Transform& start, Model model, NoiseLevels known);
 
 // The quadratic cost that the likelihood's maximum is the least of: with weights, and what they change by, as
 // they are at a transform.
-NormalEquations weighted_cost(const NoiseModel& noise, const Transform& at, NoiseLevels levels);
+template <class Noise>
+NormalEquations weighted_cost(const Noise& noise, const Transform& at, NoiseLevels levels);
 
 // -2 log likelihood of the rows, but for a constant.
-double deviance(const NoiseModel& noise, const Transform& at, NoiseLevels levels);
+template <class Noise>
+double deviance(const Noise& noise, const Transform& at, NoiseLevels levels);
 
 }  // namespace sonocal

@@ -277,6 +277,7 @@ bool NoiseBlocks::next(IndependentBlock& block) {
     take_pairs(block);
   else
     take_others(block);
+  block.residuals = PointLines::kPlanes * block.count;
   return block.count > 0;
 }
 

@@ -1,6 +1,7 @@
 // What pixel noise and tracking noise make of the residuals of points to their needles.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "sonocal/estimate/point_lines.hpp"
@@ -26,9 +27,14 @@ struct Variances {
   double mm = 0;
 };
 
+inline Variances variances(const Normalisation& n, NoiseLevels levels) {
+  return {std::pow(levels.px / n.image_size, 2), std::pow(levels.mm / n.size, 2)};
+}
+
 // Rows whose two residuals are independent of each other and of all others' at a transform: residual[k] has
 // the variance px alpha[k] + mm beta[k], whose inverse is weight[k].
 struct IndependentBlock : Block {
+  int residuals = 0;  // two a row, but where a second plane has no weight
   alignas(64) double residual[2][kRows];
   alignas(64) double alpha[2][kRows];
   alignas(64) double beta[2][kRows];
@@ -42,6 +48,8 @@ struct IndependentBlock : Block {
   Vector3d column_pull[3];
 };
 
+class NoiseBlocks;
+
 // Sightings as independent rows.
 //
 // A point at the place tau of its needle (-1 and 1 at the segment's ends) sees the noise of both ends,
@@ -51,6 +59,7 @@ struct IndependentBlock : Block {
 // pixel noise seen there) makes the residuals independent whatever the two levels are.
 class NoiseModel {
  public:
+  using Blocks = NoiseBlocks;
   enum class Kind {
     kAlike,     // every residual has the variance of the tracking level
     kPhysical,  // the above
@@ -60,7 +69,8 @@ class NoiseModel {
   NoiseModel(const PointLines& rows, const Sightings& sightings, RowNoise noise,
              const PointLines::Column& squares, double limit, Kind kind = Kind::kPhysical);
 
-  const PointLines& rows() const { return rows_; }
+  int dimension() const { return rows_.dimension(); }
+  const Normalisation& normalisation() const { return rows_.normalisation(); }
   int sightings() const { return static_cast<int>(singles_.size() + pairs_.size() + others_.size()); }
 
  private:

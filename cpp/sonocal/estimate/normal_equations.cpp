@@ -84,9 +84,9 @@ Transform retract(const Transform& a, const Eigen::Matrix<double, kParameters, 1
   const Vector3d w = step.template head<3>();
   out.rotation = product(rotation_by(w), a.rotation);
   out.translation += step.template segment<3>(3);
-  if (kParameters == 7) {
+  if constexpr (kParameters == 7) {
     out.scales *= std::exp(step[6]);
-  } else {
+  } else if constexpr (kParameters == 8) {
     out.scales[0] *= std::exp(step[6]);
     out.scales[1] *= std::exp(step[kParameters - 1]);
     // No point of a 2D image has a third coordinate: its scale is a convention, the mean.
@@ -94,6 +94,7 @@ Transform retract(const Transform& a, const Eigen::Matrix<double, kParameters, 1
   }
   return out;
 }
+template Transform retract<6>(const Transform&, const Eigen::Matrix<double, 6, 1>&);
 template Transform retract<7>(const Transform&, const Eigen::Matrix<double, 7, 1>&);
 template Transform retract<8>(const Transform&, const Eigen::Matrix<double, 8, 1>&);
 
@@ -173,6 +174,8 @@ void NormalEquations::linearise(const Transform& a, Eigen::Matrix<double, kParam
   else
     linearise_columns<3>(a, jtj, jtr);
 }
+template void NormalEquations::linearise<6>(const Transform&, Eigen::Matrix<double, 6, 6>&,
+                                            Eigen::Matrix<double, 6, 1>&) const;
 template void NormalEquations::linearise<7>(const Transform&, Eigen::Matrix<double, 7, 7>&,
                                             Eigen::Matrix<double, 7, 1>&) const;
 template void NormalEquations::linearise<8>(const Transform&, Eigen::Matrix<double, 8, 8>&,
@@ -186,8 +189,14 @@ TangentMatrix NormalEquations::information(const Transform& a, Model model) cons
     linearise<k>(a, matrix, unused);
     return matrix;
   };
-  return model == Model::kSimilarity ? jtj(std::integral_constant<int, 7>())
-                                     : jtj(std::integral_constant<int, 8>());
+  switch (model) {
+    case Model::kScaleKnown:
+      return jtj(std::integral_constant<int, 6>());
+    case Model::kSimilarity:
+      return jtj(std::integral_constant<int, 7>());
+    default:
+      return jtj(std::integral_constant<int, 8>());
+  }
 }
 
 }  // namespace sonocal

@@ -8,6 +8,7 @@
 namespace sonocal {
 
 enum class Model {
+  kScaleKnown = 6,   // rotation (3), translation (3)
   kSimilarity = 7,   // rotation (3), translation (3), log scale
   kAnisotropic = 8,  // rotation (3), translation (3), log scale along u, along v
 };

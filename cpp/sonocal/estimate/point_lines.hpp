@@ -33,7 +33,7 @@ Eigen::Matrix<double, kParameters, kParameters> tangent_to_original(const Transf
   map.setIdentity();
   map.template block<3, 3>(3, 0) = cross_matrix(s * centre);
   map.template block<3, 3>(3, 3) *= normalisation.size;
-  if (kParameters == 7)
+  if constexpr (kParameters == 7)
     map.template block<3, 1>(3, 6) = -s * centre;
   else
     for (int axis = 0; axis < kParameters - 6; ++axis)

@@ -66,6 +66,19 @@ Refinement descend(const NormalEquations& equations, const Transform& start, int
   return result;
 }
 
+template <int kColumns>
+Refinement descend_as(const NormalEquations& equations, const Transform& start, Model model,
+                      int max_iterations) {
+  switch (model) {
+    case Model::kScaleKnown:
+      return descend<kColumns, 0>(equations, start, max_iterations);
+    case Model::kSimilarity:
+      return descend<kColumns, 1>(equations, start, max_iterations);
+    default:
+      return descend<kColumns, 2>(equations, start, max_iterations);
+  }
+}
+
 }  // namespace
 
 bool ran_away(const Transform& a, const Transform& start) {
@@ -74,11 +87,8 @@ bool ran_away(const Transform& a, const Transform& start) {
 }
 
 Refinement refine(const NormalEquations& equations, const Transform& start, Model model, int max_iterations) {
-  if (equations.dimension() == 2)
-    return model == Model::kSimilarity ? descend<2, 1>(equations, start, max_iterations)
-                                       : descend<2, 2>(equations, start, max_iterations);
-  return model == Model::kSimilarity ? descend<3, 1>(equations, start, max_iterations)
-                                     : descend<3, 2>(equations, start, max_iterations);
+  return (equations.dimension() == 2 ? descend_as<2> : descend_as<3>)(equations, start, model,
+                                                                      max_iterations);
 }
 
 }  // namespace sonocal

@@ -74,7 +74,7 @@ class RotationScaleCost {
         newton(i, i) -= along;
         for (int j = 0; j < 3; ++j) newton(i, j) += 0.5 * (g[i] * c[j] + c[i] * g[j]);
       }
-      if (kScales > 1 && column >= kScales) continue;
+      if (kScales != 1 && column >= kScales) continue;
       const int growth = kScales == 1 ? 3 : 3 + column;
       const Vector3d turned = cross(c, g);
       for (int i = 0; i < 3; ++i) {

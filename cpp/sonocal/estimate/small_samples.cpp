@@ -40,13 +40,13 @@ TangentMatrix unfolded(const Triangle& sum, Eigen::Index k) {
 }
 
 // All sums in one pass, for which a row's products are taken once.
-Sums sums_of(const WhiteResiduals& white, const Eigen::MatrixX2d& levels, int count) {
-  const Eigen::Index k = white.jacobian.cols();
+Sums sums_of(const WhiteJacobian& jacobian, const Eigen::MatrixX2d& levels, int count) {
+  const Eigen::Index k = jacobian.cols();
   const int entries = static_cast<int>(k * (k + 1) / 2), kinds = count == 2 ? 5 : 2;
   Triangle sum[5] = {}, products = {};
   double inner[3] = {};
   for (Eigen::Index m = 0; m < levels.rows(); ++m) {
-    const double* j = white.jacobian.data() + m * k;
+    const double* j = jacobian.data() + m * k;
     for (Eigen::Index a = 0, t = 0; a < k; ++a)
       for (Eigen::Index b = 0; b <= a; ++b, ++t) products[t] = j[a] * j[b];
     const double x = levels(m, 0), y = count == 2 ? levels(m, 1) : 0.0;
@@ -102,7 +102,7 @@ Scaled f_distribution(double size, double first, double second) {
 
 }  // namespace
 
-WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen::MatrixX2d& by_level,
+WiderCovariance small_sample_covariance(const WhiteJacobian& jacobian, const Eigen::MatrixX2d& by_level,
                                         const TangentMatrix& covariance) {
   Eigen::MatrixX2d levels(by_level.rows(), kLevels);
   int count = 0;
@@ -113,7 +113,7 @@ WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen
       levels.col(count++) = by_level.col(i) / size;
     }
   if (count == 0) return {covariance, std::numeric_limits<double>::infinity(), 0};
-  const Sums sums = sums_of(white, levels, count);
+  const Sums sums = sums_of(jacobian, levels, count);
   TangentMatrix share[kLevels];
   SmallMatrix information(count, count);
   for (int i = 0; i < count; ++i) share[i] = times(sums.pull[i], covariance);

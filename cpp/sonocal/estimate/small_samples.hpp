@@ -1,9 +1,12 @@
 // Covariances whose weights were estimated from the same few residuals.
 #pragma once
 
-#include "sonocal/estimate/white_residuals.hpp"
+#include "sonocal/estimate/normal_equations.hpp"
 
 namespace sonocal {
+
+// M x k: derivatives of residuals that are independent and of unit variance.
+using WhiteJacobian = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 struct WiderCovariance {
   TangentMatrix covariance;
@@ -16,7 +19,7 @@ struct WiderCovariance {
 // with V the residuals' covariance, linear in the levels' squares, its derivatives (columns of `by_level`, M
 // x L, of the log variances by the squares' logarithms) give both a larger covariance and the freedom of the
 // F distribution that fits the Mahalanobis distances' mean and variance. Source: Kenward and Roger 1997.
-WiderCovariance small_sample_covariance(const WhiteResiduals& white, const Eigen::MatrixX2d& by_level,
+WiderCovariance small_sample_covariance(const WhiteJacobian& jacobian, const Eigen::MatrixX2d& by_level,
                                         const TangentMatrix& covariance);
 
 }  // namespace sonocal

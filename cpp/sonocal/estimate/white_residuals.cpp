@@ -5,13 +5,7 @@
 #include "sonocal/linalg/product.hpp"
 
 namespace sonocal {
-namespace {
 
-constexpr int kMostParameters = 8;
-using TangentRow = Eigen::Matrix<double, 1, kMostParameters>;  // a similarity leaves the last one unused
-using TangentSquare = Eigen::Matrix<double, kMostParameters, kMostParameters>;
-
-// Derivative of a residual n . (S x + h t) by the tangent of so many parameters.
 TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s,
                              int parameters) {
   const Vector3d sx = s * x, turned = cross(sx, n);
@@ -25,6 +19,11 @@ TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, con
   j[7] = alike ? 0.0 : n.dot(s.col(1)) * x[1];
   return j;
 }
+
+namespace {
+
+constexpr int kMostParameters = 8;
+using TangentSquare = Eigen::Matrix<double, kMostParameters, kMostParameters>;
 
 // sum += by v v'
 void add_outer(TangentSquare& sum, double by, const TangentRow& v) {

@@ -3,14 +3,21 @@
 
 #include <vector>
 
+#include "sonocal/estimate/small_samples.hpp"
 #include "sonocal/estimate/table.hpp"
 
 namespace sonocal {
 
+// Derivative of a residual n . (S x + h t) by the tangent of 7 or 8 parameters; a similarity leaves the last
+// one unused.
+using TangentRow = Eigen::Matrix<double, 1, 8>;
+TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s,
+                             int parameters);
+
 // Residuals of the rows with chosen[i], made independent and of unit variance under the levels. Original
 // units.
 struct WhiteResiduals {
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian;  // M x k
+  WhiteJacobian jacobian;  // M x k
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>
       shift;  // M x 3: derivative by a shift of the line
   // M x 2: derivative of the log of what was each residual's variance by the levels' squares, px^2 and mm^2.

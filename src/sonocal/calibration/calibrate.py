@@ -13,13 +13,13 @@ from sonocal.calibration.few_targets import few_fixed_targets, few_targets_findi
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.left_out import left_out_findings
+from sonocal.calibration.mixed import calibrate_mixed
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.repeated import fit_distinct
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, known_levels, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import require
 from sonocal.findings import Findings
 from sonocal.observations import Observations
 from sonocal.observations.outside import outside_findings
@@ -36,7 +36,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     """Calibrate a probe from sightings of a needle or of wires.
 
     Args:
-        observations: one point of the image against one line in the probe marker's frame a row.
+        observations: one point of the image against one line in the probe marker's frame a row, or against a point
+            or a plane.
         **options: any of the following, by name.
 
             How rows are fitted:
@@ -80,9 +81,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     Source: paper sections 5 to 9.
     """
     asked = Options.of(**options)
-    require("observations", observations, Observations)
     given, held_out = split_rows(observations, asked.fit_split, asked.test_split)
-
+    if not given.lines_only:
+        return calibrate_mixed(given, held_out, asked)
     # The transform that most rows agree with, refined on those that do.
     with explained(given, asked):
         rows, (table, fit, mirrored), repeated = fit_distinct(given, asked)

@@ -184,9 +184,18 @@ def _diagnose_drift(noise: Noise) -> Iterator[Diagnostic]:
     )
 
 
-def diagnose_fit(fit: Fit) -> Iterator[Diagnostic]:
-    """Too few rows, too many that disagree, or a refinement that did not come to rest."""
-    rows, agreeing = len(fit.inlier), int(fit.inlier.sum())
+def diagnose_fit(
+    inlier: NDArray[np.bool_], threshold_mm: float, *, converged: bool, what: str = "lines"
+) -> Iterator[Diagnostic]:
+    """Too few rows, too many that disagree, or a refinement that did not come to rest.
+
+    Args:
+        inlier: (N,): the rows that agree.
+        threshold_mm: of their distances.
+        converged: whether the refinement did.
+        what: the rows lie on.
+    """
+    rows, agreeing = len(inlier), int(inlier.sum())
     if agreeing <= MINIMAL_ROWS:
         yield Diagnostic(
             code="no-redundancy",
@@ -202,12 +211,12 @@ def diagnose_fit(fit: Fit) -> Iterator[Diagnostic]:
             code="many-outliers",
             severity="warning",
             message=(
-                f"{rows - agreeing} of {rows} rows are further than {fit.threshold_mm:.3g} mm from their lines "
+                f"{rows - agreeing} of {rows} rows are further than {threshold_mm:.3g} mm from their {what} "
                 "and were left out"
             ),
             advice="look at the rows marked as outliers; check the detections and which needle each row belongs to",
         )
-    if not fit.converged:
+    if not converged:
         yield Diagnostic(
             code="not-converged",
             severity="warning",
@@ -238,7 +247,7 @@ def fit_findings(
         groupings: what rows may share an error by.
     """
     noise, accepted = found.noise, found.accepted
-    yield from diagnose_fit(fit)
+    yield from diagnose_fit(fit.inlier, fit.threshold_mm, converged=fit.converged)
     yield from diagnose_rival(rival)
     yield from weakness_findings(mapped.table, fit.transform, fit.inlier, noise, accepted)
     if mapped.table.dimension == 2:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.errors import InputError, UnsupportedError
+from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.observations.image_size import size_in_words
@@ -21,6 +21,7 @@ __all__ = [
     "known_levels",
     "line_distances",
     "point_line_rows",
+    "require_lines",
     "split_rows",
 ]
 
@@ -29,6 +30,7 @@ def split_rows(
     observations: Observations, fit_split: str | None, test_split: str | None
 ) -> tuple[Observations, Observations | None]:
     """The rows to fit and those held out, by their split."""
+    require("observations", observations, Observations)
     held_out = None if test_split is None else observations.select_split(test_split)
     if fit_split is not None:
         return observations.select_split(fit_split), held_out
@@ -38,7 +40,12 @@ def split_rows(
 
 
 def point_line_rows(observations: Observations) -> PointLineRows:
-    """The table as registration takes it."""
+    """The table as registration takes it.
+
+    Raises:
+        UnsupportedError: it holds points or planes.
+    """
+    require_lines(observations)
     sightings = observations.sightings.astype(np.int32) if observations.dimension == 3 else None
     return PointLineRows(
         points=np.ascontiguousarray(homogeneous_points(observations.points_px)),
@@ -50,6 +57,21 @@ def point_line_rows(observations: Observations) -> PointLineRows:
         sigma_px=observations.sigma_px,
         sigma_mm=observations.sigma_mm,
     )
+
+
+def require_lines(observations: Observations) -> None:
+    """Refuse a table in which some targets are no lines, for what is said of lines alone.
+
+    Raises:
+        UnsupportedError: it has such a row.
+    """
+    if not observations.lines_only:
+        row = int(np.argmax(observations.spans != 2))
+        what = "a point" if observations.spans[row] == 1 else "a plane"
+        raise UnsupportedError(
+            f"{observations.where(row)}: is of {what}; sonocal calibrate takes any mix, and this lines alone: leave "
+            "such rows out"
+        )
 
 
 def check_rows(rows: Observations, model: Model) -> None:
@@ -134,6 +156,7 @@ def known_levels(table: PointLineRows, options: Options) -> dict[str, bool]:
 
 
 def line_distances(probe_from_image: AxisScaled, rows: Observations) -> Array:
-    """(N,), mm: of each mapped point to its line."""
+    """(N,), mm: of each mapped point to its line. Raises as `point_line_rows`."""
+    require_lines(rows)
     points = homogeneous_points(rows.points_px)
     return np.asarray(np.linalg.norm(residual_vectors(probe_from_image, points, rows.segments_mm), axis=1))

@@ -36,6 +36,8 @@ def report_files(
     from sonocal.report import report_html
     from sonocal.validation import validate
 
+    if rows is not None and not rows.lines_only:
+        rows = None  # figures of residuals are of lines
     if numbers is None and rows is not None:
         numbers = validate(calibration, rows, resample=False)
     try:

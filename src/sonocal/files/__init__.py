@@ -3,6 +3,7 @@
 from sonocal.files.disk import (
     beside,
     digest,
+    file_beside,
     file_size,
     make_folder,
     path_of,
@@ -19,6 +20,7 @@ from sonocal.files.disk import (
 __all__ = [
     "beside",
     "digest",
+    "file_beside",
     "file_size",
     "make_folder",
     "path_of",

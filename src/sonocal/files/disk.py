@@ -128,6 +128,15 @@ def beside(header: Path, name: str) -> Path:
     return header.parent / name
 
 
+def file_beside(header: Path, name: str) -> Path | None:
+    """The data file that a header names; None where there is none. Raises as `beside`."""
+    path = beside(header, name)
+    try:
+        return path if path.is_file() else None
+    except OSError:  # longer than a name of a file can be
+        return None
+
+
 @contextmanager
 def writing(path: str | Path) -> Iterator[BinaryIO]:
     """A file that appears under its name only when all of it is written."""

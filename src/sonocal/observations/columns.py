@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.observations.image_size import SIZE_COLUMNS
+from sonocal.observations.spanning import SPANNING_COLUMNS, of_spanning
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -26,7 +27,10 @@ def columns_of(table: Any) -> dict[str, NDArray[Any]]:
     """Columns (N,) of a table by their names, in the order of its file, but for the image's size."""
     columns = {"frame": table.frame, "target": table.target}
     columns |= dict(zip(POINT_COLUMNS, table.points_px.T, strict=False))
-    columns |= dict(zip(SEGMENT_COLUMNS, table.segments_mm.reshape(-1, 6).T, strict=True))
+    if table.spanning_mm is None:
+        columns |= dict(zip(SEGMENT_COLUMNS, table.segments_mm.reshape(-1, 6).T, strict=True))
+    else:  # NaN where a row has fewer points
+        columns |= dict(zip(SPANNING_COLUMNS, table.spanning_mm.reshape(-1, 9).T, strict=True))
     if np.any(table.split != ""):
         columns["split"] = table.split
     columns |= {name: sigma for name in SIGMAS if (sigma := getattr(table, name)) is not None}
@@ -66,10 +70,14 @@ def arrays_of(frame: Any) -> dict[str, Any]:
         have = ", ".join(columns) or "none"
         raise InputError(f"{NAME}: lacks the columns {', '.join(missing)}; it has {have[:200]}")
     points = [_numbers(name, columns.pop(name)) for name in POINT_COLUMNS if name in columns]
-    segments = [_numbers(name, columns.pop(name)) for name in SEGMENT_COLUMNS]
+    spanning = {
+        name: _numbers(name, columns.pop(name), blank=name not in SPANNING_COLUMNS[:3])
+        for name in SPANNING_COLUMNS
+        if name in columns
+    }
     made: dict[str, Any] = {
         "points_px": np.column_stack(points),
-        "segments_mm": np.column_stack(segments).reshape(-1, 2, 3),
+        **of_spanning(spanning),
         "image_size_px": _size([columns.pop(name) for name in SIZE_COLUMNS if name in columns]),
     }
     kinds: dict[str, Callable[[str, NDArray[Any]], NDArray[Any]]] = {
@@ -88,7 +96,9 @@ def _column(name: str, series: Any) -> NDArray[Any]:
     return column
 
 
-def _numbers(name: str, column: NDArray[Any]) -> NDArray[np.float64]:
+def _numbers(name: str, column: NDArray[Any], *, blank: bool = False) -> NDArray[np.float64]:
+    if blank:
+        column = np.array([np.nan if _is_missing(one) or one == "" else one for one in column.tolist()])
     try:
         return column.astype(np.float64)
     except (TypeError, ValueError):

@@ -20,6 +20,7 @@ from sonocal.geometry import FURTHEST, Array, frozen, real_array
 from sonocal.geometry.cards import card, dots_svg
 from sonocal.observations.columns import SEGMENT_COLUMNS, arrays_of, dataframe_of
 from sonocal.observations.image_size import checked_size
+from sonocal.observations.spanning import segments_of, spans_of, wrong_span
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -29,7 +30,17 @@ __all__ = [
     "group_codes",
 ]
 
-COLUMNS = ("points_px", "segments_mm", "frame", "target", "split", "sigma_px", "sigma_mm", "lines")
+COLUMNS = (
+    "points_px",
+    "segments_mm",
+    "frame",
+    "target",
+    "split",
+    "sigma_px",
+    "sigma_mm",
+    "lines",
+    "spanning_mm",
+)
 """What has one entry a row."""
 
 ALL_ROWS = slice(None)
@@ -57,6 +68,8 @@ class Observations:
         source: the name that messages give the table.
         lines: (N,) line of each row in the file, for messages.
         sha256: digest of the file, or "".
+        spanning_mm: (N, 3, 3), where some targets are no lines: a point, or three points of a plane, in the same
+            frame; those that a row does not have are NaN. See `of_targets`. None: all are lines.
 
     Raises:
         InputError: a shape does not fit, a value is not finite, a segment has no length, or a row
@@ -75,6 +88,7 @@ class Observations:
     source: str = "observations"
     lines: NDArray[np.int64] | None = None
     sha256: str = ""
+    spanning_mm: Array | None = None
 
     def __post_init__(self) -> None:
         # Copies: what happens to the arrays given is no matter of the table's.
@@ -99,6 +113,8 @@ class Observations:
                 self._set_column(name, getattr(self, name), np.float64)
         require("extra", self.extra, Mapping, "a mapping from names to columns")
         self._set("extra", {name: self._extra(name, column) for name, column in self.extra.items()})
+        if self.spanning_mm is not None:
+            self._set("spanning_mm", self._spanning(self.spanning_mm))
         if self.image_size_px is not None:
             size = checked_size(self.image_size_px, self.dimension, f"{self.source}: image_size_px")
             self._set("image_size_px", size)
@@ -144,6 +160,39 @@ class Observations:
         """(N,): a number a sighting, counted from 0: rows of one split, frame and target share it."""
         return group_codes(self.split, self.frame, self.target)
 
+    @property
+    def lines_only(self) -> bool:
+        """Whether all targets are lines."""
+        return self.spanning_mm is None
+
+    @cached_property
+    def spans(self) -> NDArray[np.int32]:
+        """(N,): how many points span each row's target: 1 a point, 2 a line, 3 a plane."""
+        return (
+            np.full(len(self), 2, dtype=np.int32) if self.spanning_mm is None else spans_of(self.spanning_mm)
+        )
+
+    @classmethod
+    def of_targets(cls, points_px: ArrayLike, spanning_mm: ArrayLike, **columns: Any) -> Observations:
+        """A table of points, lines and planes.
+
+        Args:
+            points_px: (N, 2) or (N, 3).
+            spanning_mm: (N, 3, 3): the points that span each row's target, in the probe marker's frame: one of a
+                point, two of a line, three of a plane, the others NaN.
+            columns: the class's others.
+
+        Raises:
+            InputError: as of the class, or points span nothing.
+        """
+        spanning = np.array(real_array("spanning_mm", spanning_mm))
+        if spanning.ndim != 3 or spanning.shape[1:] != (3, 3):
+            raise InputError(f"spanning_mm must have shape (N, 3, 3); got {spanning.shape}")
+        points = real_array("points_px", points_px)
+        if (spans_of(spanning) == 2).all():
+            return cls(points, spanning[:, :2], **columns)
+        return cls(points, segments_of(spanning), spanning_mm=spanning, **columns)
+
     @classmethod
     def of_sound(cls, points_px: Array, segments_mm: Array, **columns: Any) -> Observations:
         """A table of columns that were checked where they come from: taken as they are, without a second check.
@@ -155,6 +204,7 @@ class Observations:
         """
         table = object.__new__(cls)
         defaults: dict[str, Any] = {"sigma_px": None, "sigma_mm": None, "extra": {}, "lines": None}
+        defaults["spanning_mm"] = None
         defaults["image_size_px"] = None
         for name, column in {
             **defaults,
@@ -190,7 +240,8 @@ class Observations:
     def with_sound(self, **columns: Any) -> Observations:
         """The table with other columns, which are taken as they are: rows of a sound table are sound."""
         table = copy(self)
-        table.__dict__.pop("sightings", None)  # counted anew
+        for counted in ("sightings", "spans"):  # anew
+            table.__dict__.pop(counted, None)
         for name, column in columns.items():
             table._set(name, column)
         return table
@@ -277,7 +328,9 @@ class Observations:
                     "give a standard deviation, or drop the column"
                 )
         lengths = np.linalg.norm(self.segments_mm[:, 1] - self.segments_mm[:, 0], axis=1)
-        if (row := _first(lengths == 0)) is not None:
+        if self.spanning_mm is not None:
+            self._check_spanning(self.spanning_mm)
+        elif (row := _first(lengths == 0)) is not None:
             end = ", ".join(f"{x:g}" for x in self.segments_mm[row, 0])
             raise InputError(
                 f"{self.where(row)}: the segment has zero length, both ends are at ({end}) mm; "
@@ -291,8 +344,26 @@ class Observations:
                 "delete one, a copy is not a second measurement"
             )
 
+    def _spanning(self, values: ArrayLike) -> Array:
+        array = np.array(real_array(f"{self.source}: spanning_mm", values))
+        if array.shape != (len(self), 3, 3):
+            raise InputError(
+                f"{self.source}: spanning_mm must have shape ({len(self)}, 3, 3), NaN where a row has fewer points; "
+                f"got {array.shape}"
+            )
+        return array
+
+    def _check_spanning(self, spanning_mm: Array) -> None:
+        if (wrong := wrong_span(spanning_mm)) is not None:
+            raise InputError(f"{self.where(wrong[0])}: {wrong[1]}")
+        third = spanning_mm[:, 2]
+        if (row := _first(np.any(np.abs(third) >= FURTHEST, axis=1))) is not None:
+            raise InputError(f"{self.where(row)}: its third point is further than {FURTHEST:g} away")
+
     def _duplicate(self) -> tuple[int, int] | None:
         numbers = np.column_stack([self.points_px, self.segments_mm.reshape(-1, 6), self.sightings])
+        if self.spanning_mm is not None:
+            numbers = np.column_stack([numbers, np.nan_to_num(self.spanning_mm[:, 2], nan=-1.0)])
         numbers = np.ascontiguousarray(numbers + 0.0)  # -0.0 and 0.0 are the same place
         packed = numbers.view(np.dtype((np.void, numbers.dtype.itemsize * numbers.shape[1]))).reshape(-1)
         unique, first, inverse = np.unique(packed, return_index=True, return_inverse=True)

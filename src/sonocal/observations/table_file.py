@@ -6,6 +6,7 @@ import csv
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,15 @@ from sonocal.errors import FormatError, InputError, require
 from sonocal.files import path_of, read_bytes, write_atomically
 from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.tables import (
+    Table,
     csv_text,
     parse_table,
     without_comments,
 )
+from sonocal.geometry import Array
 from sonocal.observations.columns import SEGMENT_COLUMNS, columns_of
 from sonocal.observations.image_size import SIZE_COLUMNS, size_line, size_of
+from sonocal.observations.spanning import SPANNING_COLUMNS, of_spanning
 from sonocal.observations.table import _DEFAULT, Observations
 
 __all__ = ["as_file", "observations_csv", "parse_observations", "read_observations", "write_observations"]
@@ -27,15 +31,25 @@ __all__ = ["as_file", "observations_csv", "parse_observations", "read_observatio
 REQUIRED_COLUMNS = ("frame", "target", "u_px", "v_px", *SEGMENT_COLUMNS)
 
 
-KNOWN_COLUMNS = (*REQUIRED_COLUMNS, "w_px", "split", "sigma_px", "sigma_mm", *SIZE_COLUMNS)
+KNOWN_COLUMNS = (
+    *REQUIRED_COLUMNS,
+    *SPANNING_COLUMNS[6:],
+    "w_px",
+    "split",
+    "sigma_px",
+    "sigma_mm",
+    *SIZE_COLUMNS,
+)
 
 
 def read_observations(path: str | Path) -> Observations:
     """Read a table of sightings from a CSV file.
 
-    Columns: ``frame, target, u_px, v_px[, w_px], x0_mm, y0_mm, z0_mm, x1_mm, y1_mm, z1_mm[, split]
-    [, sigma_px][, sigma_mm]``; further columns are kept as text. The size of the images is a comment line
-    ``# image_size_px: 820 616`` above the header, or the columns ``image_width_px, image_height_px[, image_depth_px]``.
+    Columns: ``frame, target, u_px, v_px[, w_px], x0_mm, y0_mm, z0_mm, x1_mm, y1_mm, z1_mm[, x2_mm, y2_mm, z2_mm]
+    [, split][, sigma_px][, sigma_mm]``; further columns are kept as text. The points span what was seen: two of them a
+    line; a point has the first alone, and blank cells for the others, a plane all three. The size of the images is a
+    comment line ``# image_size_px: 820 616`` above the header, or the columns ``image_width_px, image_height_px
+    [, image_depth_px]``.
 
     Args:
         path: the file.
@@ -65,12 +79,12 @@ def parse_observations(data: bytes, name: str) -> Observations:
     table.need_rows("write one row a sighting")
     numbers = {
         column: table.numbers(column)
-        for column in (*REQUIRED_COLUMNS[2:], "w_px", "sigma_px", "sigma_mm")
+        for column in ("u_px", "v_px", *SPANNING_COLUMNS[:3], "w_px", "sigma_px", "sigma_mm")
         if column in table.columns
     }
     return Observations(
         points_px=np.column_stack([numbers[n] for n in ("u_px", "v_px", "w_px") if n in numbers]),
-        segments_mm=np.column_stack([numbers[n] for n in SEGMENT_COLUMNS]).reshape(-1, 2, 3),
+        **of_spanning({n: numbers[n] for n in SPANNING_COLUMNS[:3]} | _further_points(table)),
         frame=_frames(name, table.columns["frame"], table.lines),
         target=table.text("target"),
         split=table.text("split") if "split" in table.columns else _DEFAULT,
@@ -100,12 +114,34 @@ def write_observations(observations: Observations, path: str | Path) -> None:
 def observations_csv(observations: Observations) -> bytes:
     """The table as the text of its CSV file."""
     require("observations", observations, Observations)
-    columns = {name: column.tolist() for name, column in columns_of(observations).items()}
+    columns = {name: _cells(column) for name, column in columns_of(observations).items()}
     lines = _Lines()
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
     return (size_line(observations.image_size_px) + "\n".join(lines) + "\n").encode()
+
+
+def _further_points(table: Table) -> dict[str, Array]:
+    """The second and third points' columns, NaN where a row has none: all three cells of it are blank there."""
+    found: dict[str, Array] = {}
+    for names in (SPANNING_COLUMNS[3:6], SPANNING_COLUMNS[6:]):
+        there = [name for name in names if name in table.columns]
+        columns = {name: table.numbers(name, blank=np.nan) for name in there}
+        blank = np.isnan([*columns.values()])
+        for name, empty in zip(there, blank, strict=True):
+            if np.any(empty & ~blank.all(axis=0)):
+                table.numbers(name)  # which says where
+        found |= columns
+    return found
+
+
+def _cells(column: NDArray[Any]) -> list[Any]:
+    """Cells of a column; of a point that a row does not have, blank ones."""
+    cells: list[Any] = column.tolist()
+    if column.dtype.kind != "f" or not np.isnan(column).any():
+        return cells
+    return ["" if np.isnan(cell) else cell for cell in cells]
 
 
 class _Lines(list[str]):

@@ -14,9 +14,10 @@ from sonocal.registration.constraints import Rows
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows, to_core
+from sonocal.registration.spanned import SpannedRows
 from sonocal.registration.told import Told
 
-__all__ = ["Certificate", "LazyCertificate", "certificate_of", "certificate_of_mix"]
+__all__ = ["Certificate", "LazyCertificate", "certificate_of", "certificate_of_mix", "certificate_of_spanned"]
 
 Certificate = Literal["optimal", "tied", "not shown"]
 """Every other answer costs more; none costs less, but another may cost the same; another may cost less."""
@@ -83,3 +84,23 @@ def certificate_of_mix(
     options, scale = Options().to_core(0, 0), told.scale or 0.0
     found = _core.certificate(rows.core, chosen, at, options, scale=scale, weights=told.weights)
     return cast(Certificate, found)
+
+
+def certificate_of_spanned(
+    rows: SpannedRows,
+    inlier: NDArray[np.bool_],
+    similarity: Similarity,
+    levels: _core.Options,
+    scale: float | None,
+) -> Certificate:
+    """Whether a similarity is the best of all for the sightings that agree, weighed as the levels have it there.
+
+    Args:
+        rows: points, lines and planes by what spans them.
+        inlier: (C,), those that agree.
+        similarity: the maximum of their likelihood.
+        levels: options with the noise levels.
+        scale: where it is known.
+    """
+    chosen, at = np.ascontiguousarray(inlier), to_core(similarity)
+    return cast(Certificate, _core.certificate(rows.core, chosen, at, levels, scale=scale or 0.0))

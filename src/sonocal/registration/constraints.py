@@ -21,6 +21,7 @@ from sonocal.geometry.shown import brief
 from sonocal.registration.options import positive_number
 from sonocal.registration.plane_samples import PlaneSamples, joined_samples, normals_of
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.spanned import SpannedRows, joined_spanned, spanned
 
 __all__ = [
     "FreeMotion",
@@ -54,6 +55,7 @@ class Rows:
         lines: the same as points on lines, where all are points of a plane w = 0 on lines, or all are lines
             on lines: what the fastest solvers take.
         samples: planes of the source among them, and which rows are theirs.
+        spanned: the same against what points span, where every target is known by such points.
     """
 
     points: Array
@@ -61,6 +63,7 @@ class Rows:
     first: NDArray[np.int32]
     lines: PointLineRows | None = None
     samples: PlaneSamples | None = None
+    spanned: SpannedRows | None = None
 
     __repr__ = brief
 
@@ -81,7 +84,8 @@ class Rows:
         sizes = np.diff(self.first)
         row = np.repeat(chosen, sizes)
         first = np.concatenate([[0], np.cumsum(sizes[chosen])]).astype(np.int32)
-        return Rows(self.points[row], self.planes[row], first)
+        spanned = None if self.spanned is None else self.spanned.select(chosen)
+        return Rows(self.points[row], self.planes[row], first, spanned=spanned)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +104,17 @@ class FreeMotion:
 
 
 def point_plane(points: ArrayLike, planes: ArrayLike) -> Rows:
-    """Points (N, 3) in planes (N, 4): one row each."""
-    return _rows(_last(points, 3, "points"), _unit_planes(planes), 1)
+    """Points (N, 3) in planes (N, 4), or through three points each (N, 3, 3): one row each."""
+    x, target = _last(points, 3, "points"), _planes(planes)
+    return _rows(x, target.planes, 1, spanned=target.spanned(x))
 
 
 def point_line(points: ArrayLike, segments: ArrayLike) -> Rows:
     """Points (N, 3) on lines through segments (N, 2, 3): two rows each, of perpendicular planes."""
     x, ends = _last(points, 3, "points"), _segments(segments)
     lines = PointLineRows(x, ends, dimension=2) if len(x) == len(ends) and not x[:, 2].any() else None
-    return _rows(np.repeat(x, 2, axis=0), planes_of_lines(ends).reshape(-1, 4), 2, lines)
+    there = spanned(x, ends) if len(x) == len(ends) else None
+    return _rows(np.repeat(x, 2, axis=0), planes_of_lines(ends).reshape(-1, 4), 2, lines, there)
 
 
 def point_point(source: ArrayLike, target: ArrayLike) -> Rows:
@@ -116,7 +122,8 @@ def point_point(source: ArrayLike, target: ArrayLike) -> Rows:
     x, y = _last(source, 3, "points"), _last(target, 3, "target points")
     normals = np.broadcast_to(np.eye(3), (len(y), 3, 3))
     planes = np.concatenate([normals, -y[:, :, None]], axis=-1)
-    return _rows(np.repeat(x, 3, axis=0), planes.reshape(-1, 4), 3)
+    there = spanned(x, y[:, None]) if len(x) == len(y) else None
+    return _rows(np.repeat(x, 3, axis=0), planes.reshape(-1, 4), 3, spanned=there)
 
 
 def line_line(source_segments: ArrayLike, target_segments: ArrayLike) -> Rows:
@@ -125,40 +132,79 @@ def line_line(source_segments: ArrayLike, target_segments: ArrayLike) -> Rows:
     points = ends.reshape(-1, 3)
     sightings = np.repeat(np.arange(len(ends), dtype=np.int32), 2)
     lines = PointLineRows(points, needles, dimension=3, sightings=sightings)
+    fits = len(points) == len(needles)
     return _rows(
         np.repeat(points, 2, axis=0),
         planes_of_lines(needles).reshape(-1, 4),
         4,
-        lines if len(points) == len(needles) else None,
+        lines if fits else None,
+        spanned(ends, needles[::2]) if fits else None,
     )
 
 
 def line_plane(segments: ArrayLike, planes: ArrayLike) -> Rows:
-    """Lines (N, 2, 3) in planes (N, 4): two rows each."""
-    ends = _segments(segments).reshape(-1, 3)
-    return _rows(ends, np.repeat(_unit_planes(planes), 2, axis=0), 2)
+    """Lines (N, 2, 3) in planes (N, 4), or through three points each (N, 3, 3): two rows each."""
+    ends, target = _segments(segments), _planes(planes)
+    return _rows(ends.reshape(-1, 3), np.repeat(target.planes, 2, axis=0), 2, spanned=target.spanned(ends))
 
 
 def plane_plane(source_planes: ArrayLike, target_planes: ArrayLike, size: float | None = None) -> Rows:
     """Planes (N, 4) on planes (N, 4): three points of the source plane, three rows each.
 
-    The points lie about the place of the plane that is nearest to the centre of all sources, so that the answer
-    moves with the source whatever its origin and axes are; `rows` finds that centre again.
+    Of planes of the source as numbers (N, 4) the points lie about the place of the plane that is nearest to the centre
+    of all sources, so that the answer moves with the source whatever its origin and axes are; `rows` finds that
+    centre again. Where planes were measured by points, give these: what their noise makes of the answer is then known.
 
     Args:
-        source_planes: (N, 4).
-        target_planes: (N, 4).
+        source_planes: (N, 4), or through three points each (N, 3, 3).
+        target_planes: likewise.
         size: how far the three points lie from their middle, px, which weighs the directions; None: as far as the
             sources lie from their centre (root mean square).
     """
-    source = _unit_planes(source_planes)
-    target = np.repeat(_unit_planes(target_planes), 3, axis=0)
-    if size is not None:
-        size = positive_number("size", size)
+    size = None if size is None else positive_number("size", size)
+    through, on = _planes(source_planes), _planes(target_planes)
+    source, target = through.planes, np.repeat(on.planes, 3, axis=0)
+    if through.points is not None:
+        return _rows(through.points.reshape(-1, 3), target, 3, spanned=on.spanned(through.points))
     samples = PlaneSamples(
         source, np.full(len(source), np.nan if size is None else size), 3 * np.arange(len(source))
     )
     return replace(_rows(samples.placed(np.zeros((3 * len(source), 3))), target, 3), samples=samples)
+
+
+def rows_of_spanned(sightings: SpannedRows) -> Rows:
+    """Sightings as rows: a point of each in as many planes as meet in its target.
+
+    Source: paper section 5.1.
+    """
+    count, sizes = len(sightings), np.diff(sightings.first)
+    planes = np.zeros((count, 3, 4))
+    for spans in (1, 2, 3):
+        chosen = sightings.spans == spans
+        planes[chosen, : 4 - spans] = _planes_through(sightings.spanning[chosen, :spans])
+    each = (4 - sightings.spans)[np.repeat(np.arange(count), sizes)]
+    point = np.repeat(np.arange(len(sightings.points)), each)
+    which = np.arange(len(point)) - np.repeat(np.cumsum(each) - each, each)
+    of_point = np.repeat(np.arange(count), sizes)[point]
+    first = np.concatenate([[0], np.cumsum(sizes * (4 - sightings.spans))]).astype(np.int32)
+    return Rows(
+        np.ascontiguousarray(sightings.points[point]),
+        np.ascontiguousarray(planes[of_point, which]),
+        first,
+        spanned=sightings,
+    )
+
+
+def _planes_through(points: Array) -> Array:
+    """(C, 4 - K, 4): planes that meet in what K points (C, K, 3) span."""
+    if points.shape[1] == 1:
+        normals = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    elif points.shape[1] == 2:
+        return planes_of_lines(points)
+    else:
+        across = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+        normals = (across / np.linalg.norm(across, axis=1, keepdims=True))[:, None]
+    return np.concatenate([normals, -(normals @ points[:, 0, :, None])], axis=-1)
 
 
 def rows(*parts: Rows) -> Rows:
@@ -183,6 +229,7 @@ def rows(*parts: Rows) -> Rows:
         np.concatenate([*first, starts[-1:]]).astype(np.int32),
         _together([p.lines for p in parts]),
         samples,
+        joined_spanned([p.spanned for p in parts]),
     )
 
 
@@ -313,15 +360,21 @@ def _text(vector: Array) -> str:
     return "(" + ", ".join(f"{c:.3g}" for c in vector + 0.0) + ")"
 
 
-def _rows(points: Array, planes: Array, each: int, lines: PointLineRows | None = None) -> Rows:
+def _rows(
+    points: Array,
+    planes: Array,
+    each: int,
+    lines: PointLineRows | None = None,
+    spanned: SpannedRows | None = None,
+) -> Rows:
     if len(points) != len(planes):
         raise InputError(f"sources and targets must pair up; got {len(points)} and {len(planes)} rows")
     first = np.arange(0, len(points) + 1, each, dtype=np.int32)
-    return Rows(np.ascontiguousarray(points), np.ascontiguousarray(planes), first, lines)
+    return Rows(np.ascontiguousarray(points), np.ascontiguousarray(planes), first, lines, spanned=spanned)
 
 
 def _numbers(values: ArrayLike, what: str) -> Array:
-    array = real_array(what, values)
+    array = np.ascontiguousarray(real_array(what, values))  # as the core takes them
     if np.any(np.abs(array) > LARGEST):
         raise InputError(f"{what} must be below {LARGEST:g} in size; got {np.abs(array).max():.3g}")
     return array
@@ -346,6 +399,31 @@ def _any_segments(values: ArrayLike) -> Array:
     if array.shape[-2:] != (2, 3):
         raise InputError(f"segments must have shape (..., 2, 3), two points on each line; got {array.shape}")
     return array
+
+
+@dataclass(frozen=True, eq=False)
+class _Planes:
+    """Planes (N, 4) of unit normals, and the points (N, 3, 3) that they were given by, if they were."""
+
+    planes: Array
+    points: Array | None
+
+    def spanned(self, seen: Array) -> SpannedRows | None:
+        """Points or lines that lie in them."""
+        return None if self.points is None or len(seen) != len(self.points) else spanned(seen, self.points)
+
+
+def _planes(values: ArrayLike) -> _Planes:
+    array = _numbers(values, "planes")
+    if array.ndim != 3:
+        return _Planes(_unit_planes(array), None)
+    if array.shape[1:] != (3, 3):
+        raise InputError(
+            f"planes must have shape (N, 4), or (N, 3, 3), three points on each plane; got {array.shape}"
+        )
+    normals = np.cross(array[:, 1] - array[:, 0], array[:, 2] - array[:, 0])
+    offsets = -np.sum(normals * array[:, 0], axis=1)
+    return _Planes(_unit_planes(np.column_stack([normals, offsets])), array)
 
 
 def _unit_planes(values: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ from sonocal import _core
 from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array, Similarity
 from sonocal.registration.alternatives import alternatives_to
-from sonocal.registration.certificate import Certificate, LazyCertificate, certificate_of, certificate_of_mix
+from sonocal.registration.certificate import Certificate, LazyCertificate, certificate_of
 from sonocal.registration.constraints import Rows
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
@@ -24,7 +24,7 @@ from sonocal.registration.degeneracy import (
 from sonocal.registration.distinct import distinct_of
 from sonocal.registration.fit import Fit, transform_of
 from sonocal.registration.mirrored import refuse_mirrored_target
-from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
+from sonocal.registration.mixed import least_squares, maximise
 from sonocal.registration.options import Options, Weighting, true_or_false
 from sonocal.registration.refusals import (
     PARAMETERS,
@@ -85,6 +85,11 @@ class Registration:
         """
         return self._certificate.read()
 
+    @property
+    def lazy_certificate(self) -> LazyCertificate:
+        """The certificate before it was looked for."""
+        return self._certificate
+
     def __repr__(self) -> str:
         agreeing = int(np.count_nonzero(self.inlier))
         return (
@@ -110,7 +115,9 @@ def register(
 
     Points of an image plane on lines, and lines on lines, take the closed forms and the likelihood of
     `fit_point_lines`. Every other mix takes samples of as many correspondences as determine a similarity,
-    seven rows of which give candidates (`solvers.three_quadrics`), and least squares on all rows that agree.
+    seven rows of which give candidates (`solvers.three_quadrics`), and on those that agree the same likelihood: of
+    noise of the source's points and of the points that span the targets. Planes that are given as numbers, and not by
+    points, say nothing of their noise: least squares takes all distances alike.
 
     Args:
         constraints: from `point_plane`, `point_line`, `point_point`, `line_line`, `line_plane`,
@@ -118,15 +125,14 @@ def register(
             second measurement, and counts once.
         robust: leave out correspondences further than the threshold; False: fit all.
         refine: False: the answer of the consensus, before it is refined to convergence.
-        weighting: of points or lines on lines: "likelihood" weighs residuals by the noise they carry;
-            "geometric", and every other mix, takes all distances alike.
+        weighting: "likelihood" weighs residuals by the noise they carry; "geometric", and a mix with planes that are
+            not given by points, takes all distances alike.
         threshold_mm: correspondences within this distance agree, in units of the target; "auto" (points or
             lines on lines only): from the noise.
         sigma_px: noise of a source point along every axis, where known; for the likelihood.
-        sigma_mm: noise of a target segment's end point along every axis, where known; for the likelihood. (C,): of
-            each correspondence's distance; what counts are their ratios, and distances weigh by them alone.
+        sigma_mm: noise of a point that spans a target along every axis, where known; for the likelihood. (C,): of
+            each correspondence's distance; what counts are their ratios.
         scale: mm per px, where it is known (rigid): the answer has it, its row and column of the covariance are zero.
-            Distances are taken all alike, as of a mix.
         confidence: of having drawn a sample without outliers.
         max_samples: random samples at the most.
         seed: of the random samples.
@@ -182,8 +188,43 @@ def _registered(constraints: Rows, options: Options, told: Told, *, refine: bool
 
 
 def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bool) -> Registration:
-    threshold_mm = options.threshold_mm
-    if threshold_mm == "auto":
+    found, start = _consensus_of_mix(constraints, options, told, refine=refine)
+    fit = None
+    if refine and options.weighting == "likelihood" and constraints.spanned is not None:
+        fit = maximise(constraints.spanned, start, options, told)
+    if fit is None:
+        fit = least_squares(constraints, start, found, told)
+    if fit.covariance is None and np.diff(constraints.first)[fit.inlier].sum() > PARAMETERS:
+        agreeing = constraints.select(fit.inlier)
+        refuse_free_about(agreeing, fit.transform, scale_known=told.scale is not None)
+    covariance = fit.covariance.matrix if fit.covariance else None
+    return Registration(
+        target_from_source=fit.transform,
+        covariance=covariance,
+        freedom=fit.covariance.freedom if fit.covariance else 0.0,
+        residuals_mm=fit.residuals_mm,
+        inlier=fit.inlier,
+        threshold_mm=found.threshold,
+        samples=found.samples,
+        converged=fit.converged,
+        _others=partial(
+            alternatives_to,
+            fit.transform,
+            covariance,
+            constraints.select(fit.inlier),
+            weights=told.of_rows(constraints, fit.inlier),
+            scale=told.scale,
+            seed=options.seed,
+        ),
+        _certificate=LazyCertificate(fit.certificate),
+    )
+
+
+def _consensus_of_mix(
+    constraints: Rows, options: Options, told: Told, *, refine: bool
+) -> tuple[_core.Estimate, Similarity]:
+    """What most correspondences agree with, refined on those by least squares."""
+    if options.threshold_mm == "auto":
         raise InputError(
             'threshold_mm="auto" needs points or lines on lines alone; give a mix a threshold in mm'
         )
@@ -201,53 +242,15 @@ def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bo
         )
     similarity = transform_of(found)
     assert isinstance(similarity, Similarity)
-    inlier = found.residuals_mm <= threshold_mm
-    sizes = np.diff(constraints.first)
-    if sizes[inlier].sum() < PARAMETERS:
+    inlier = found.residuals_mm <= found.threshold
+    if np.diff(constraints.first)[inlier].sum() < PARAMETERS:
         raise NoConsensusError(
             f"no similarity brings more than {found.inliers} of {len(inlier)} correspondences within "
-            f"{threshold_mm:.3g} mm of their targets; check that they are matched and in the units meant",
+            f"{found.threshold:.3g} mm of their targets; check that they are matched and in the units meant",
             best_count=found.inliers,
         )
-    refuse_chance(constraints.core, similarity, found.residuals_mm, threshold_mm)
-    covariance = _mix_covariance(constraints, inlier, similarity, told)
-    return Registration(
-        target_from_source=similarity,
-        covariance=covariance.matrix if covariance else None,
-        freedom=covariance.freedom if covariance else 0.0,
-        residuals_mm=found.residuals_mm,
-        inlier=inlier,
-        threshold_mm=threshold_mm,
-        samples=found.samples,
-        converged=found.converged,
-        _others=partial(
-            alternatives_to,
-            similarity,
-            covariance.matrix if covariance else None,
-            constraints.select(inlier),
-            weights=told.of_rows(constraints, inlier),
-            scale=told.scale,
-            seed=options.seed,
-        ),
-        _certificate=LazyCertificate(partial(certificate_of_mix, constraints, inlier, similarity, told)),
-    )
-
-
-def _mix_covariance(
-    constraints: Rows, inlier: NDArray[np.bool_], similarity: Similarity, told: Told
-) -> Covariance | None:
-    """Of the correspondences that agree.
-
-    Raises:
-        DegenerateGeometryError: they leave a motion free, which those that do not agree seemed to hold.
-    """
-    agreeing, known = constraints.select(inlier), told.scale is not None
-    weights = told.of_rows(constraints, inlier)
-    about = agreeing.points, agreeing.planes, agreeing.first, similarity, weights
-    covariance = covariance_of_mix(*about, scale_known=known)
-    if covariance is None and len(agreeing) > PARAMETERS:
-        refuse_free_about(agreeing, similarity, scale_known=known)
-    return covariance
+    refuse_chance(constraints.core, similarity, found.residuals_mm, found.threshold)
+    return found, similarity
 
 
 def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:

@@ -65,7 +65,8 @@ def print_observations(console: Console, observations: Observations) -> None:
     places = ("u, px", "v, px", "w, px")[: observations.dimension]
     table = NumberTable(
         f"{observations.source}: sightings for a {observations.dimension}D probe",
-        *("rows", "frames", "targets", *places, "tilt spread, deg"),
+        *("rows", "frames", "targets", *places),
+        "tilt spread, deg" if observations.lines_only else "points, lines, planes",
         first="split",
     )
     for split in observation_splits(observations):
@@ -73,11 +74,15 @@ def print_observations(console: Console, observations: Observations) -> None:
             split["split"] or "(none)",
             *(str(split[name]) for name in ("rows", "frames", "targets")),
             *(f"{low:.0f} to {high:.0f}" for low, high in zip(*split["box_px"], strict=True)),
-            f"{split['tilt_spread_deg']:.1f}",
+            f"{split['tilt_spread_deg']:.1f}" if observations.lines_only else _kinds(split),
         )
     console.print(table)
     if observations.extra:
         console.print(f"further columns, kept: {escape(', '.join(observations.extra))}")
+
+
+def _kinds(split: dict[str, Any]) -> str:
+    return ", ".join(str(split["rows_of"][kind]) for kind in ("points", "lines", "planes"))
 
 
 def observation_splits(observations: Observations) -> list[dict[str, Any]]:
@@ -90,15 +95,23 @@ def observation_splits(observations: Observations) -> list[dict[str, Any]]:
             "frames": len(set(part.frame.tolist())),
             "targets": len(set(part.target.tolist())),
             "box_px": [part.points_px.min(0).tolist(), part.points_px.max(0).tolist()],
-            "tilt_spread_deg": float(np.degrees(direction_spread(point_line_rows(part)))),
+            **_targets(part),
         }
         for name, part in parts.items()
     ]
 
 
+def _targets(part: Observations) -> dict[str, Any]:
+    """How far lines are tilted; of a table with points or planes, how many rows are of each kind."""
+    if part.lines_only:
+        return {"tilt_spread_deg": float(np.degrees(direction_spread(point_line_rows(part))))}
+    kinds = {1: "points", 2: "lines", 3: "planes"}
+    return {"rows_of": {name: int(np.count_nonzero(part.spans == spans)) for spans, name in kinds.items()}}
+
+
 def _error_table(calibration: Calibration) -> NumberTable:
     table = NumberTable(
-        "Distance of mapped points to their lines, mm",
+        "Distance of mapped points to their targets, mm",
         "rms",
         "median",
         "95 %",

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sonocal.errors import FormatError, UnsupportedError
-from sonocal.files import beside, file_size
+from sonocal.files import beside, file_beside, file_size
 from sonocal.files.kinds import Format, Head
 from sonocal.recording.formats.parts.inflate import ZLIB, InflatedFrames
 from sonocal.recording.formats.parts.layout import Layout, assemble, check_sizes
@@ -123,11 +123,13 @@ def _data_place(path: Path, header: Header, layout: Layout) -> tuple[Path, int]:
         raise UnsupportedError(
             f"{path.name}: keeps every frame in its own file ({name[:40]!r}); convert it to .mha"
         )
-    data = beside(path, name)
     if layout.image_free:
-        return data, 0
-    if not data.is_file():
-        raise FormatError(f"{path.name}: its data file {name} is not beside it; copy both files together")
+        return beside(path, name), 0
+    data = file_beside(path, name)
+    if data is None:
+        raise FormatError(
+            f"{path.name}: its data file {name[:80]} is not beside it; copy both files together"
+        )
     return data, _skipped(header, data, layout)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from sonocal.errors import FormatError, UnsupportedError
-from sonocal.files import beside
+from sonocal.files import file_beside
 from sonocal.files.kinds import Format
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.inflate import GZIP, InflatedFrames
@@ -172,9 +172,11 @@ def _data_place(path: Path, header: Header) -> tuple[Path, int]:
         return path, header.end + skip
     if name.upper().startswith("LIST") or "%" in name:
         raise UnsupportedError(f"{path.name}: keeps its frames in several files; convert it to a plain .nrrd")
-    data = beside(path, name)
-    if not data.is_file():
-        raise FormatError(f"{path.name}: its data file {name} is not beside it; copy both files together")
+    data = file_beside(path, name)
+    if data is None:
+        raise FormatError(
+            f"{path.name}: its data file {name[:80]} is not beside it; copy both files together"
+        )
     return data, skip
 
 

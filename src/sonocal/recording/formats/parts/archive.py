@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from sonocal.errors import FormatError, InputError, SonocalError
-from sonocal.files import beside, file_size, read_text
+from sonocal.files import beside, file_beside, file_size, read_text
 from sonocal.recording.formats.parts.bounded_file import BoundedFile
 
 __all__ = ["Archive", "Folder", "Home"]
@@ -59,7 +59,7 @@ class Folder(Home):
     def file(self, name: str) -> Path:
         """As of `Home`."""
         for spelt in (name, unquote(name)):
-            if (path := beside(self._path, spelt)).is_file():
+            if path := file_beside(self._path, spelt):
                 return path
         raise FormatError(f"{self.name}: its file {name[:80]!r} is not beside it; copy all files together")
 

@@ -1,0 +1,184 @@
+"""From a table of points, lines and planes to a calibration: the estimate of any mix, `registration.register`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.calibration.area import area_findings
+from sonocal.calibration.diagnostics import diagnose_fit, diagnose_weakness
+from sonocal.calibration.options import Options, kept_options
+from sonocal.calibration.result import Calibration
+from sonocal.calibration.rows import image_area
+from sonocal.calibration.statistics import ErrorStatistics
+from sonocal.errors import InputError, UnsupportedError
+from sonocal.findings import Diagnostic, Findings
+from sonocal.geometry import Array, Similarity, area_places, homogeneous_points
+from sonocal.observations import Observations
+from sonocal.observations.outside import outside_findings
+from sonocal.registration.constraints import rows_of_spanned
+from sonocal.registration.noise import Noise
+from sonocal.registration.register import Registration, register
+from sonocal.registration.spanned import SpannedRows
+from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
+
+__all__ = ["calibrate_mixed"]
+
+# An offset of each of three targets may hide in a calibration.
+ENOUGH_TARGETS = 4
+PARAMETERS = 7
+
+
+def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Options) -> Calibration:
+    """Calibrate from sightings of points, lines and planes.
+
+    Args:
+        rows: those to fit.
+        held_out: those to measure, or None.
+        asked: the options of `calibrate`.
+
+    Raises:
+        InputError: rows of one sighting differ in their target, or there are too few.
+        DegenerateGeometryError: the sightings leave a motion free.
+        NoConsensusError: no calibration agrees with enough sightings.
+        UnsupportedError: the anisotropic model, or a threshold from the noise.
+    """
+    if asked.model != "similarity":
+        raise UnsupportedError(
+            f"{rows.source}: holds points or planes, which are fitted by one scale; leave out the model"
+        )
+    if asked.threshold_mm == "auto":
+        raise UnsupportedError(
+            f"{rows.source}: holds points or planes, and these need a threshold in mm; give one"
+        )
+    sightings, of_row = _sightings(rows)
+    found = register(
+        rows_of_spanned(sightings),
+        weighting=asked.weighting,
+        threshold_mm=asked.threshold_mm,
+        sigma_px=asked.sigma_px,
+        sigma_mm=asked.sigma_mm,
+        confidence=asked.confidence,
+        max_samples=asked.max_samples,
+        seed=asked.seed,
+    )
+    similarity, inlier = found.target_from_source, found.inlier[of_row]
+    residuals = target_distances(similarity, rows)
+    targets = len(np.unique(rows.target[inlier]))
+    predicts = found.covariance is not None and targets >= ENOUGH_TARGETS
+    size, seen, area = image_area(rows, inlier, asked.image_size_px)
+    calibration = Calibration(
+        probe_from_image=similarity,
+        model="similarity",
+        covariance=found.covariance if predicts else None,
+        noise=_noise(found, residuals[inlier]),
+        area_px=area,
+        image_size_px=size,
+        seen_px=seen,
+        fit=ErrorStatistics.of(residuals[inlier], len(rows), int(inlier.sum())),
+        test=None if held_out is None else _errors(similarity, held_out, asked.threshold_mm),
+        residuals_mm=residuals,
+        inlier=inlier,
+        options=asked,
+        _certificate=found.lazy_certificate,
+        provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, asked)},
+    )
+    looks = (
+        partial(diagnose_fit, found.inlier, found.threshold_mm, converged=found.converged, what="targets"),
+        partial(_few_targets, 0 if predicts else targets),
+        partial(_weakness, calibration),
+        partial(outside_findings, rows.points_px[inlier], size),
+        partial(area_findings, calibration),
+        _checks_of_lines,
+    )
+    return replace(calibration, diagnostics=Findings(looks=looks))
+
+
+def target_distances(similarity: Similarity, rows: Observations) -> Array:
+    """(N,), mm: of each mapped point from its point, line or plane."""
+    assert rows.spanning_mm is not None
+    away = similarity @ homogeneous_points(rows.points_px) - rows.spanning_mm[:, 0]
+    sides = np.nan_to_num(rows.spanning_mm[:, 1:] - rows.spanning_mm[:, :1])
+    along = np.einsum("nij,nj->ni", np.linalg.pinv(sides.transpose(0, 2, 1)), away)
+    return np.asarray(np.linalg.norm(away - np.einsum("ni,nij->nj", along, sides), axis=1))
+
+
+def _errors(similarity: Similarity, rows: Observations, threshold_mm: float) -> ErrorStatistics:
+    distances = target_distances(similarity, rows)
+    return ErrorStatistics.of(distances, len(rows), int(np.sum(distances <= threshold_mm)))
+
+
+def _sightings(rows: Observations) -> tuple[SpannedRows, NDArray[np.int64]]:
+    """The rows as sightings, points of one sighting together; and which sighting each row is of (N,).
+
+    Raises:
+        InputError: rows of one sighting have another target.
+    """
+    assert rows.spanning_mm is not None
+    of_row = rows.sightings
+    order = np.argsort(of_row, kind="stable")
+    spanning = np.nan_to_num(rows.spanning_mm[order])
+    again = of_row[order][1:] == of_row[order][:-1]
+    if (wrong := again & np.any(spanning[1:] != spanning[:-1], axis=(1, 2))).any():
+        first, second = order[np.argmax(wrong) + np.arange(2)]
+        raise InputError(
+            f"{rows.where(int(second))}: has another target than {rows.where(int(first))} of the same frame and "
+            "target; points of one sighting share what they lie on, other targets need another name"
+        )
+    starts = np.concatenate([[0], np.flatnonzero(~again) + 1])
+    counts = np.diff([*starts, len(rows)])
+    sightings = SpannedRows(
+        np.ascontiguousarray(homogeneous_points(rows.points_px)[order]),
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
+        np.ascontiguousarray(spanning[starts]),
+        np.ascontiguousarray(rows.spans[order][starts]),
+        None if rows.sigma_mm is None else np.ascontiguousarray(rows.sigma_mm[order][starts]),
+        None if rows.sigma_px is None else np.ascontiguousarray(rows.sigma_px[order]),
+    )
+    return sightings, of_row
+
+
+def _noise(found: Registration, residuals_mm: Array) -> Noise:
+    row_mm = float(np.sqrt(np.mean(residuals_mm**2))) if found.covariance is not None else np.nan
+    covariance = np.full((PARAMETERS, PARAMETERS), np.nan) if found.covariance is None else found.covariance
+    return Noise(row_mm, covariance, int(min(found.freedom, 2**31)))
+
+
+def _few_targets(count: int) -> Iterator[Diagnostic]:
+    if count:
+        yield Diagnostic(
+            code="few-targets",
+            severity="warning",
+            message=(
+                f"all rows are of {count} target{'s' if count > 1 else ''}: where these are not what the table says, "
+                "the calibration takes it up and no residual shows it; no error can be predicted"
+            ),
+            advice=f"see {ENOUGH_TARGETS} or more, each under a name of its own in the column target",
+        )
+
+
+def _weakness(calibration: Calibration) -> Iterator[Diagnostic]:
+    if calibration.covariance is None:
+        return
+    area = area_places(calibration.area_px)[:-1]
+    about = calibration.probe_from_image, calibration.covariance, area
+    freedom = calibration.noise.freedom
+    worst = float(radius_95(point_covariance(*about), freedom).max())
+    yield from diagnose_weakness(weakest_motion(*about), freedom, worst, calibration.accepted, None)
+
+
+def _checks_of_lines() -> Iterator[Diagnostic]:
+    yield Diagnostic(
+        code="unchecked-set-up",
+        severity="warning",
+        message=(
+            "the table holds points or planes: a time lag, a slipped marker, a wrong frame, unequal or distorted "
+            "pixels, and errors that rows of a target or neighbouring frames share, are looked for in tables of lines "
+            "alone"
+        ),
+        advice="hold some rows out (--test-split), or calibrate a sweep of a needle too and compare the two",
+    )

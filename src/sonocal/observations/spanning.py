@@ -1,0 +1,67 @@
+"""What spans a target: one point a point, two a line, three a plane; as columns of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.geometry import Array
+
+__all__ = ["SPANNING_COLUMNS", "of_spanning", "segments_of", "spans_of", "wrong_span"]
+
+SPANNING_COLUMNS = tuple(f"{axis}{point}_mm" for point in range(3) for axis in "xyz")
+"""Of the first, the second and the third point."""
+
+# Of a plane's two sides: a triangle that is flatter than this is none.
+FLAT = 1e-9
+
+
+def spans_of(spanning_mm: Array) -> NDArray[np.int32]:
+    """(N,): how many points of (N, 3, 3) span each target; the others are NaN throughout.
+
+    Returns -1 where a point is given in part, or follows one that is not given.
+    """
+    there = np.isfinite(spanning_mm)
+    whole, some = np.all(there, axis=2), np.any(there, axis=2)
+    in_order = whole[:, 0] & (whole[:, 1] | ~whole[:, 2])
+    sound = np.all(whole == some, axis=1) & in_order
+    return np.where(sound, whole.sum(axis=1), -1).astype(np.int32)
+
+
+def segments_of(spanning_mm: Array) -> Array:
+    """(N, 2, 3): the first two points; of a point, that point twice."""
+    segments = spanning_mm[:, :2].copy()
+    alone = np.isnan(segments[:, 1]).all(axis=1)
+    segments[alone, 1] = segments[alone, 0]
+    return segments
+
+
+def of_spanning(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """What the table's class takes of columns with NaN where a cell is blank: lines where every row is one."""
+    count = len(next(iter(columns.values())))
+    absent = np.full(count, np.nan)
+    spanning = np.column_stack([columns.get(name, absent) for name in SPANNING_COLUMNS]).reshape(-1, 3, 3)
+    if np.isfinite(spanning[:, :2]).all() and np.isnan(spanning[:, 2]).all():
+        return {"segments_mm": spanning[:, :2]}
+    return {"segments_mm": segments_of(spanning), "spanning_mm": spanning}
+
+
+def wrong_span(spanning_mm: Array) -> tuple[int, str] | None:
+    """The first row whose points span nothing, and why; None where all do."""
+    spans = spans_of(spanning_mm)
+    if (spans < 0).any():
+        return int(np.argmax(spans < 0)), (
+            "gives a point in part, or a later one without the one before it; fill in x, y and z of one point, of two "
+            "for a line, of three for a plane"
+        )
+    along, aside = spanning_mm[:, 1] - spanning_mm[:, 0], spanning_mm[:, 2] - spanning_mm[:, 0]
+    short = (spans >= 2) & (np.linalg.norm(np.nan_to_num(along), axis=1) == 0)
+    if short.any():
+        return int(np.argmax(short)), "has the same point twice; give two different ones of the line or plane"
+    sides = np.linalg.norm(along, axis=1) * np.linalg.norm(aside, axis=1)
+    flat = (spans == 3) & ~(np.linalg.norm(np.cross(along, aside), axis=1) > FLAT * sides)
+    if flat.any():
+        return int(np.argmax(flat)), "has three points on one line, which span no plane; give three that do"
+    return None

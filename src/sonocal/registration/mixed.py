@@ -1,0 +1,111 @@
+"""Points, lines and planes in any mix: weighed by the noise that each carries, or all distances alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal import _core
+from sonocal.geometry import Array, Similarity
+from sonocal.registration.certificate import Certificate, certificate_of_mix, certificate_of_spanned
+from sonocal.registration.constraints import Rows
+from sonocal.registration.mix_covariance import Covariance, covariance_of_mix
+from sonocal.registration.options import Options
+from sonocal.registration.rows import to_core
+from sonocal.registration.spanned import SpannedRows
+from sonocal.registration.told import Told
+
+__all__ = ["MixedFit", "least_squares", "maximise"]
+
+
+@dataclass(frozen=True, eq=False)
+class MixedFit:
+    """A similarity fitted to correspondences that agree.
+
+    Attributes:
+        transform: mm from px.
+        covariance: of its tangent, with the noise in it; None where a motion is free or no row is left to tell it.
+        residuals_mm: (C,): root mean square distance of each correspondence's points from their target.
+        inlier: (C,): those that agree.
+        converged: whether it came to rest.
+        certificate: looks whether it is the best of all.
+    """
+
+    transform: Similarity
+    covariance: Covariance | None
+    residuals_mm: Array
+    inlier: NDArray[np.bool_]
+    converged: bool
+    certificate: Callable[[], Certificate]
+
+
+def least_squares(rows: Rows, start: Similarity, found: _core.Estimate, told: Told) -> MixedFit:
+    """What least squares made of the correspondences, with the covariance of errors that each one's rows share."""
+    inlier: NDArray[np.bool_] = found.residuals_mm <= found.threshold
+    agreeing, weights = rows.select(inlier), told.of_rows(rows, inlier)
+    about = agreeing.points, agreeing.planes, agreeing.first, start, weights
+    covariance = covariance_of_mix(*about, scale_known=told.scale is not None)
+    certificate = partial(certificate_of_mix, rows, inlier, start, told)
+    return MixedFit(start, covariance, found.residuals_mm, inlier, found.converged, certificate)
+
+
+def maximise(rows: SpannedRows, start: Similarity, options: Options, told: Told) -> MixedFit | None:
+    """The maximum of the likelihood near a start, over the sightings that agree with it.
+
+    A point of the image is off by a level along each of its axes, and a spanning point along each of space; what the
+    latter makes of a place on the target follows from how the place is made up of them, and points of one sighting
+    share it. Both levels are those of restricted maximum likelihood where they are not given.
+
+    Args:
+        rows: the sightings.
+        start: near the answer.
+        options: with the threshold, and the levels where they are known.
+        told: what multiplies the noise of each, and the scale where it is known.
+
+    Returns:
+        None where it runs away from the start, or too few agree to tell the levels.
+
+    Source: paper section 8 with the noise of section 9 in it; Kenward and Roger 1997 for the covariance.
+    """
+    weighed = rows if told.weights is None else _weighed(rows, told.weights)
+    known, given = told.scale is not None, (options.sigma_px or 0.0, options.sigma_mm or 0.0)
+    found = _core.maximise(weighed.core, to_core(start), options.to_core(*given), scale_known=known)
+    if not (found.found and found.sound):
+        return None
+    assert options.threshold_mm != "auto"
+    inlier: NDArray[np.bool_] = found.residuals_mm <= options.threshold_mm
+    if not all(given) and weighed.select(inlier).residuals <= 7 - known:
+        return None
+    scale = told.scale if told.scale is not None else found.scales[0]
+    similarity = Similarity(found.rotation, found.translation, scale)
+    levels = options.to_core(found.level_px, found.level_mm)
+    return MixedFit(
+        similarity,
+        _covariance(found, scale_known=known),
+        found.residuals_mm,
+        inlier,
+        found.converged,
+        partial(certificate_of_spanned, weighed, inlier, similarity, levels, told.scale),
+    )
+
+
+def _weighed(rows: SpannedRows, weights: Array) -> SpannedRows:
+    """Deviations of distances are of all that moves a point from its target."""
+    sigma = 1.0 / weights
+    of_points = np.repeat(sigma, np.diff(rows.first))
+    return replace(
+        rows,
+        sigma_mm=sigma if rows.sigma_mm is None else sigma * rows.sigma_mm,
+        sigma_px=of_points if rows.sigma_px is None else of_points * rows.sigma_px,
+    )
+
+
+def _covariance(found: _core.Estimate, *, scale_known: bool) -> Covariance | None:
+    if not np.isfinite(found.covariance).all():
+        return None
+    matrix = np.pad(found.covariance, (0, 1)) if scale_known else found.covariance
+    return Covariance(matrix, found.freedom)
