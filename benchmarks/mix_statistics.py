@@ -1,6 +1,6 @@
 """Whether any mix of points, lines and planes is registered as well as can be, and its error is as large as stated.
 
-python -m benchmarks.mix_statistics [--scenes 1000] [--first-seed 0] [--write docs/registration.md]
+python -m benchmarks.mix_statistics [--scenes 1000] [--first-seed 0] [--write docs/registration.md] [--exact]
 
 Every row is of so many scenes with noise on both sides, whose levels nobody is told. "over the bound": error of the
 source's corners over Cramer's and Rao's in that scene, root mean square; "stated": the errors that the covariances
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.simulators.mix_bound import corner_error, least_covariance
-from benchmarks.simulators.mixes import Mix, Noise, mix_of
+from benchmarks.simulators.mixes import MM_PER_UNIT, SIDE, Mix, Noise, mix_of
 from benchmarks.trust import written
 from sonocal.registration import Registration, constraints, register
 from sonocal.registration.uncertainty import point_covariance, radius_95
@@ -53,10 +53,30 @@ MIXES: tuple[dict[str, int], ...] = (
 )
 
 
-def registered(mix: Mix) -> Registration:
-    """All of a mix, with the likelihood."""
+# Of the source's size, in mm: nearer than this an answer is exact.
+EXACT = 1e-6 * SIDE * MM_PER_UNIT
+
+
+def registered(mix: Mix, *, robust: bool = False, scale: float | None = None) -> Registration:
+    """A mix, with the likelihood."""
     rows = constraints.rows(*(MAKERS[part.kind](part.source, part.target) for part in mix.parts))
-    return register(rows, robust=False)
+    return register(rows, robust=robust, scale=scale)
+
+
+def exact_row(kinds: dict[str, int], seeds: range) -> str:
+    """How many scenes without noise are registered exactly, with the scale unknown and known."""
+    counts = []
+    for scale in (None, MM_PER_UNIT):
+        found = 0
+        for seed in seeds:
+            mix = mix_of(kinds, seed, Noise(0.0, 0.0))
+            answer = registered(mix, robust=True, scale=scale).target_from_source
+            corners = mix.corners if "image" not in next(iter(kinds)) else mix.corners[mix.corners[:, 2] == 0]
+            there = corners @ mix.truth[:3, :3].T + mix.truth[:3, 3]
+            found += bool(np.abs(answer @ corners - there).max() < EXACT)
+        counts.append(f"{found} of {len(seeds)}")
+    name = ", ".join(f"{count} {kind.replace('_', '-')}" for kind, count in kinds.items())
+    return f"| {name} | {' | '.join(counts)} |"
 
 
 def row_of(kinds: dict[str, int], seeds: range) -> str:
@@ -83,6 +103,14 @@ def row_of(kinds: dict[str, int], seeds: range) -> str:
     )
 
 
+def exact_table(seeds: range) -> Iterator[str]:
+    """Of scenes without noise, line by line."""
+    yield "| correspondences | exact | exact, of a known scale |"
+    yield "|---|---|---|"
+    for kinds in MIXES:
+        yield exact_row(kinds, seeds)
+
+
 def table(seeds: range) -> Iterator[str]:
     """The table, line by line."""
     yield "| correspondences | scenes | error, mm | over the bound | stated | covered |"
@@ -97,12 +125,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--scenes", type=int, default=1000)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--write", type=Path, help="page whose table to replace")
+    parser.add_argument("--exact", action="store_true", help="of scenes without noise, instead")
     asked = parser.parse_args(arguments)
     lines = []
-    for line in table(range(asked.first_seed, asked.first_seed + asked.scenes)):
+    for line in (exact_table if asked.exact else table)(
+        range(asked.first_seed, asked.first_seed + asked.scenes)
+    ):
         print(line, flush=True)
         lines.append(("mixes", line))
-    if asked.write:
+    if asked.write and not asked.exact:
         written(asked.write, lines)
 
 

@@ -121,3 +121,16 @@ def test_what_is_said_of_lines_alone_says_so():
     _, table = mixed_table(1)
     with pytest.raises(UnsupportedError, match=r"row 0: is of a point; .* lines alone"):
         validate(sc.calibrate(table), table)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(0.001, "metres"), (0.1, "centimetres")])
+def test_lengths_in_other_units_are_doubted(factor, unit):
+    _, table = mixed_table(1)
+    other = sc.Observations.of_targets(
+        table.points_px, table.spanning_mm * factor, frame=table.frame, target=table.target
+    )
+    found = sc.calibrate(other)
+    doubt = next(one for one in found.warnings if one.code == "implausible-units")
+    assert unit in doubt.message
+    assert give_verdict(found).level == "stop"
+    assert "implausible-units" not in [one.code for one in sc.calibrate(table).diagnostics]

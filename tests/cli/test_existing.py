@@ -134,7 +134,8 @@ def test_compare_and_expected_take_each_alike(folder, name):
     calibration, table = folder / "calibration.json", folder / "needle.csv"
     done = run("validate", calibration, table, "--compare", folder / name, "--no-report")
     assert done.exit_code == 0, done.output
-    assert "The other calibration against this one, mm" in done.output
+    said = read_existing(folder / name).said
+    assert f"The other calibration, {said}, against this one, mm" in " ".join(done.output.split())
     assert "They are up to " in done.output
     record = json.loads(
         run("validate", calibration, table, "--compare", folder / name, "--no-report", "--json").stdout
@@ -143,7 +144,7 @@ def test_compare_and_expected_take_each_alike(folder, name):
     assert run("validate", calibration, table, "--expected", folder / name, "--no-report").exit_code == 0
     other = run("validate", folder / name, table, "--compare", calibration)
     assert other.exit_code == 0, other.output
-    assert "Against the other calibration, mm" in other.output
+    assert f"Againsttheothercalibration,{calibration},mm" in "".join(other.output.split())
 
 
 @pytest.mark.parametrize(

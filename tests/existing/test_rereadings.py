@@ -8,82 +8,15 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sonocal.existing import Existing
-from sonocal.existing.choice import Choice, chosen
-from sonocal.existing.matrix import Matrices, checked
-from sonocal.existing.rereadings import fitting, in_words, rereadings
-from sonocal.existing.worth import Said, worth_of
+from sonocal.existing.fitting import fitting, in_words
+from sonocal.existing.rereadings import rereadings
+from sonocal.existing.worth import Said, worth_of, worth_on_points
 from sonocal.simulation.scene import simulate_observations
+from sonocal.validation import PointSightings
+from tests.builders.disguises import DISGUISES, INVERSE, LPS, OF_IMAGES, SIZE, as_read, flipped
 from tests.builders.similarities import random_similarity
 
 seeds = st.integers(0, 10_000)
-SIZE = (640, 480)
-LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
-INVERSE = np.linalg.inv
-
-
-def parts(linear=None, translation=1.0):
-    """A disguise of the 3 x 3 part and of the translation, apart."""
-
-    def changed(matrix):
-        made = matrix.copy()
-        made[:3, :3] = matrix[:3, :3] if linear is None else linear(matrix[:3, :3])
-        made[:3, 3] *= translation
-        return made
-
-    return changed
-
-
-def rows_by(factor):
-    return lambda matrix: np.diag([factor] * 3 + [1.0]) @ matrix
-
-
-def flipped(*axes):
-    flip = np.eye(4)
-    for axis in axes:
-        flip[axis, axis], flip[axis, 3] = -1, SIZE[axis] - 1
-    return lambda matrix: matrix @ flip
-
-
-def rigid(matrix):
-    return parts(lambda linear: linear / np.cbrt(np.linalg.det(linear)))(matrix)
-
-
-# What a file holds of the true matrix, how it was read, and what is said of it.
-DISGUISES = {
-    "inverse": (INVERSE, "direct", "give --stored-as inverse"),
-    "direct, read as inverse": (lambda m: m, "inverse", "give --stored-as direct"),
-    "slicer": (lambda m: INVERSE(LPS @ m @ LPS), "direct", "give --stored-as slicer"),
-    "slicer, read as inverse": (lambda m: INVERSE(LPS @ m @ LPS), "inverse", "give --stored-as slicer"),
-    "direct, read as slicer": (lambda m: m, "slicer", "give --stored-as direct"),
-    "inverse, read as slicer": (INVERSE, "slicer", "give --stored-as inverse"),
-    "LPS": (lambda m: LPS @ m @ LPS, "direct", "is in LPS axes instead of RAS, of image and marker"),
-    "LPS, read as slicer": (lambda m: LPS @ m @ LPS, "slicer", "is in LPS axes instead of RAS"),
-    "marker in LPS": (lambda m: LPS @ m, "direct", "has the marker's axes in LPS"),
-    "image in LPS": (lambda m: m @ LPS, "direct", "has the image's axes in LPS"),
-    "inverse of the marker in LPS": (lambda m: INVERSE(LPS @ m), "direct", "give --stored-as inverse"),
-    "metres": (rows_by(1e-3), "direct", "is in metres instead of mm"),
-    "centimetres": (rows_by(1e-1), "direct", "is in centimetres instead of mm"),
-    "inverse, in metres": (lambda m: INVERSE(rows_by(1e-3)(m)), "direct", "and is in metres"),
-    "translation in metres": (parts(translation=1e-3), "direct", "has its translation in metres"),
-    "translation in cm": (parts(translation=1e-1), "direct", "has its translation in centimetres"),
-    "rotation transposed": (parts(np.transpose), "direct", "has its rotation transposed"),
-    "u and v exchanged": (lambda m: m[:, [1, 0, 2, 3]], "direct", "u and v are exchanged"),
-    "u mirrored": (flipped(0), "direct", "mirrored along u"),
-    "v mirrored": (flipped(1), "direct", "mirrored along v"),
-    "half a turn": (flipped(0, 1), "direct", "turned by half a turn"),
-    "px for mm": (rigid, "direct", "takes pixels for mm"),
-    "px for mm, as Slicer stores it": (
-        lambda m: INVERSE(LPS @ rigid(m) @ LPS),
-        "direct",
-        "give --stored-as slicer, and multiply",
-    ),
-}
-
-
-def as_read(content, form):
-    """A file's matrix, read as somebody or its format says."""
-    matrices = Matrices("a.txt", "4 x 4", (checked("a.txt", content),))
-    return chosen(matrices, Choice(stored_as=form))
 
 
 def rms_mm(matrix, truth):
@@ -107,10 +40,13 @@ def named(existing, truth, noise_mm=0.5, size=SIZE):
 @given(seed=seeds)
 def test_a_disguised_matrix_is_named_by_its_disguise(disguise, seed):
     truth = random_similarity(seed, 0.2).matrix
-    hidden, form, words = DISGUISES[disguise]
+    hidden, form, words, name = DISGUISES[disguise]
     existing = as_read(hidden(truth), form)
     assume(rms_mm(existing.matrix, truth) > 5)  # a rotation may be its own transpose
     assert any(words in found for found in named(existing, truth))
+    ways = rereadings(existing, 2, SIZE, 0.2)
+    (exact,) = [one for one in ways if rms_mm(one.matrix, truth) < 1e-6 and one.name == name]
+    assert exact.of_images == (disguise in OF_IMAGES)
 
 
 @given(seed=seeds, scale=st.floats(0.02, 0.7), noise=st.floats(0.05, 3))
@@ -147,12 +83,13 @@ def test_without_the_images_size_nothing_is_called_mirrored():
 def test_a_scan_names_the_disguise_first_and_blames_nothing_else(disguise):
     made = simulate_observations(2, 60, seed=4)
     rows = dataclasses.replace(made.observations, image_size_px=SIZE)
-    hidden, form, words = DISGUISES[disguise]
+    hidden, form, words, name = DISGUISES[disguise]
     existing = as_read(hidden(made.probe_from_image.matrix), form)
     worth = worth_of(existing, rows, said=Said((0.24,), "the scanner"))
     assert [one.code for one in worth.diagnostics if one.severity == "warning"] == ["misread-matrix"]
     first = worth.diagnostics[0]
     assert words in f"{first.message}: {first.advice}"
+    assert [one.name for one in worth.rereadings] == [name]
     assert worth.sentence.lower() == f"{first.message}: {first.advice}.".lower()
     assert "this matrix, read so, has" in worth.scale_sentence
     np.testing.assert_allclose(
@@ -168,3 +105,52 @@ def test_a_volume_whose_axes_are_exchanged_is_named(seed):
         worth = worth_of(Existing("a.txt", "4 x 4", "", matrix), made.observations)
         one, other = ("uvw"[i] for i, k in enumerate(axes[:3]) if i != k)
         assert f"{one} and {other} are exchanged" in worth.diagnostics[0].message
+
+
+# What points alone do not tell: how large the image is, and its mm/px where the matrix has none.
+UNTOLD = {
+    "u mirrored",
+    "v mirrored",
+    "half a turn",
+    "px for mm",
+    "px for mm, as Slicer stores it",
+}
+
+
+def touched(truth, seed, count=12, off_mm=1.0):
+    """Points of the image, and where a stylus that is off by as much found them."""
+    rng = np.random.default_rng(seed)
+    pixels = rng.uniform((0, 0), SIZE, (count, 2))
+    places = pixels @ truth[:3, :2].T + truth[:3, 3] + rng.normal(size=(count, 3)) * off_mm / np.sqrt(3)
+    return PointSightings(pixels, places, source="wire.csv")
+
+
+@pytest.mark.parametrize("disguise", sorted(DISGUISES.keys() - UNTOLD))
+@pytest.mark.parametrize("seed", range(3))
+def test_points_that_are_known_name_a_disguise(disguise, seed):
+    truth = random_similarity(seed, 0.2).matrix
+    hidden, form, words, name = DISGUISES[disguise]
+    worth = worth_on_points(as_read(hidden(truth), form), touched(truth, seed))
+    assert name in [one.name for one in worth.rereadings]
+    assert words in worth.sentence
+    assert worth.diagnostics[0].code == "misread-matrix"
+    if worth.reread is not None:
+        assert [one.title for one in worth.reread_quantities] == ["PRA, cross-wire, read so"]
+        assert worth.reread_quantities[0].value_mm < 2
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_points_never_accuse_a_matrix_that_is_true_however_rough_they_are(seed):
+    truth = random_similarity(seed, 0.2).matrix
+    for off_mm in (0.0, 1.0, 4.0):
+        worth = worth_on_points(as_read(truth, "direct"), touched(truth, seed, off_mm=off_mm))
+        assert worth.rereadings == ()
+        assert worth.diagnostics == ()
+
+
+@given(seed=seeds)
+def test_points_name_nothing_of_a_marker_that_was_moved_nor_do_three_of_them(seed):
+    truth, moved = random_similarity(seed, 0.2).matrix, random_similarity(seed + 1, 0.2).matrix
+    assert worth_on_points(as_read(moved, "direct"), touched(truth, seed)).rereadings == ()
+    inverse = as_read(INVERSE(truth), "direct")
+    assert worth_on_points(inverse, touched(truth, seed, count=3)).rereadings == ()

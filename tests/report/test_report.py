@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import shutil
 import sys
 
 import numpy as np
@@ -13,6 +12,7 @@ from sonocal import report
 from sonocal.calibration.area import in_mm
 from sonocal.calibration.diagnostics import Diagnostic
 from sonocal.geometry import (
+    AxisScaled,
     needle_in_image,
     needle_in_volume,
 )
@@ -26,8 +26,8 @@ from sonocal.report.pictures import (
 )
 from sonocal.simulation.scene import simulate_observations
 from sonocal.validation import compare, give_verdict, validate
+from tests.builders.browser import CHROMIUM, opened
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 # Of the task: a page that opens at once and goes through any mail.
 MOST_BYTES = 3_000_000
 
@@ -131,32 +131,13 @@ def test_a_calibration_alone_and_one_with_other_rows_have_one_too(scan):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium; apt install chromium")
 def test_a_browser_opens_it_without_a_request_or_an_error(page, tmp_path):
-    playwright = pytest.importorskip("playwright.sync_api")
     (tmp_path / "report.html").write_text(page, encoding="utf-8")
-    requests, troubles = [], []
-    with playwright.sync_playwright() as api:
-        browser = api.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-        )
-        tab = browser.new_page()
-        tab.on("request", lambda request: requests.append(request.url))
-        tab.on("console", lambda message: troubles.append(message.text))
-        tab.on("pageerror", lambda error: troubles.append(str(error)))
-        tab.goto((tmp_path / "report.html").as_uri())
-        overflow = tab.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        tab.set_viewport_size({"width": 420, "height": 900})
-        narrow = tab.evaluate(
-            "[document.documentElement, ...document.querySelectorAll('table, figure, div')]"
-            ".map(one => one.scrollWidth - one.clientWidth)"
-        )
-        tab.emulate_media(media="print")
-        printed = tab.pdf(format="A4", prefer_css_page_size=True)
-        browser.close()
-    assert [url for url in requests if not url.startswith("data:")] == [(tmp_path / "report.html").as_uri()]
-    assert troubles == []
-    assert overflow <= 0
-    assert max(narrow) <= 1  # nothing is cut off, or hidden behind a bar; borders are rounded
-    assert printed.startswith(b"%PDF")
+    shown = opened(tmp_path / "report.html")
+    assert shown.requests == [(tmp_path / "report.html").as_uri()]
+    assert shown.troubles == []
+    assert shown.overflow <= 0
+    assert shown.narrow <= 1  # borders are rounded
+    assert shown.printed.startswith(b"%PDF")
 
 
 # The verdict
@@ -252,6 +233,23 @@ def test_figures_draw_on_a_given_axis_and_leave_the_global_state_alone(scan):
         if axis.get_label() != "<colorbar>"
     )
     assert dict(mpl.rcParams) == before
+
+
+def test_a_matrix_of_other_software_is_drawn_where_it_puts_the_image_beside_ours(scan):
+    from matplotlib.figure import Figure
+
+    _, found = scan
+    theirs = AxisScaled(np.eye(3), np.array([5.0, -7, 90]), np.array([0.2, 0.3, 0.25]))
+    axis = Figure().add_subplot(projection="3d")
+    report.plot_matrix(axis, theirs, found.area_px, found)
+    lines = {line.get_label(): np.array(line.get_data_3d()).T for line in axis.lines}
+    (left, top), (right, bottom) = found.area_px
+    corners = np.array([(left, top), (right, top), (right, bottom), (left, bottom), (left, top)])
+    np.testing.assert_allclose(lines["this matrix"], theirs @ corners)
+    np.testing.assert_allclose(lines["our own calibration"], found.probe_from_image @ corners)
+    alone = Figure().add_subplot(projection="3d")
+    report.plot_matrix(alone, theirs, found.area_px)
+    assert [line.get_label() for line in alone.lines].count("our own calibration") == 0
 
 
 def test_the_map_shows_the_predicted_error(scan):

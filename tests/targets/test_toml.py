@@ -162,3 +162,54 @@ def test_a_file_of_targets_is_known_by_its_content(tmp_path):
     (tmp_path / "a.toml").write_text(PHANTOM)
     assert read_lines(tmp_path / "a.xml")[0][0].frame == "Needle"
     assert read_lines(tmp_path / "a.toml")[0][0].frame == "Phantom"
+
+
+PLANE = '[[plane]]\nname = "floor"\nframe = "Tracker"\n'
+
+
+def test_planes_come_by_points_or_by_a_normal(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(
+        PLANE
+        + "through_mm = [[0, 0, 5], [200.0, 0, 5], [0, 200, 5]]\n"
+        + PLANE.replace("floor", "wall")
+        + "point_mm = [1, 2, 3]\nnormal = [2, 0, 0]\n"
+    )
+    found = read_targets(path)
+    assert [plane.name for plane in found.planes] == ["floor", "wall"]
+    assert found.lines == found.points == ()
+    np.testing.assert_array_equal(found.planes[0].points_mm, [[0, 0, 5], [200, 0, 5], [0, 200, 5]])
+    np.testing.assert_allclose(found.planes[1].points_mm[:, 0], 1.0)
+    np.testing.assert_allclose(found.planes[1].points_mm.mean(axis=0), [1, 2, 3], atol=1e-12)
+    (tmp_path / "b.toml").write_bytes(lines_toml("b.toml", (), planes=found.planes))
+    again = read_targets(tmp_path / "b.toml").planes
+    assert [plane.points_mm.tobytes() for plane in again] == [
+        plane.points_mm.tobytes() for plane in found.planes
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (PLANE, "a.toml, plane table 1: lacks through_mm"),
+        (PLANE + "normal = [0, 0, 1]", "a.toml, plane table 1: lacks point_mm"),
+        (
+            PLANE + "point_mm = [0, 0, 0]\nnormal = [0, 0, 0]",
+            "a.toml, plane table 1: normal is (0, 0, 0); give the direction at right angles to the plane",
+        ),
+        (
+            PLANE + "through_mm = [[0, 0, 0], [1, 1, 1]]",
+            "a.toml, plane table 1: each of through_mm is three numbers",
+        ),
+        (
+            PLANE + "through_mm = [[0, 0, 0], [1, 1, 1], [2, 2, 2]]",
+            "a.toml, plane 'floor': has three points on one line; give three that span it",
+        ),
+        (2 * (PLANE + "point_mm = [0, 0, 0]\nnormal = [0, 0, 1]\n"), "a.toml: two planes are called 'floor'"),
+    ],
+)
+def test_bad_planes_are_refused(tmp_path, text, says):
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_targets(tmp_path / "a.toml")
+    assert str(caught.value).startswith(says)

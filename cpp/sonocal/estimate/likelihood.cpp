@@ -19,6 +19,7 @@ constexpr double kMostStep = 1.4;         // of a squared level's logarithm
 constexpr double kNear = 0.5;             // a step of it that is no longer one of many
 constexpr double kLeastLevel = 1e-34;     // squared, so that noise-free rows have a weight
 constexpr double kFreeMotion = 1e-12;     // of the greatest pivot, in coordinates of order one
+constexpr double kLeastRatio = 1e-10;     // of the two noises' shares in the residuals, squared
 constexpr double kRounding = 1e-24;       // variance, in coordinates of order one
 // How far, in standard deviations of its logarithm, the ratio of the two noises' shares in the residuals is
 // expected from one: wide enough to be forgotten when the data know better, and all there is when they do
@@ -227,9 +228,14 @@ class Maximiser {
     }
     last_newton_ = newton;
     last_step_ = step;
+    const Variances before = levels_;
     levels_.px = std::max(levels_.px * std::exp(step[0]), kLeastLevel);
     levels_.mm = std::max(levels_.mm * std::exp(step[1]), kLeastLevel);
-    return step.cwiseAbs().maxCoeff();
+    // Rows that see one noise alone, and none of it, would take that level to nothing.
+    const double px_of_mm = pass.scalars.beta / pass.scalars.alpha;
+    if (move_px_) levels_.px = std::max(levels_.px, kLeastRatio * px_of_mm * levels_.mm);
+    if (move_mm_) levels_.mm = std::max(levels_.mm, kLeastRatio / px_of_mm * levels_.px);
+    return std::max(std::abs(std::log(levels_.px / before.px)), std::abs(std::log(levels_.mm / before.mm)));
   }
 
   const Noise& noise_;

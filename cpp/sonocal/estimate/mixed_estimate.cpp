@@ -27,14 +27,11 @@ std::vector<int> within(const MixedRows& rows, const Transform& at, double limit
 template <int kParameters>
 WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit, NoiseLevels known) {
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
-  const Ldlt<kParameters> information(Matrix(fit.information));
-  if (!(information.least_pivot() > kLeastPivot * information.greatest_pivot()))
-    return {TangentMatrix::Constant(kParameters, kParameters, std::numeric_limits<double>::quiet_NaN()), 0,
-            0};
   const Variances levels = variances(noise.normalisation(), fit.levels);
   const Matrix3d linear = fit.transform.linear();
   std::vector<TangentRow> jacobian;
   std::vector<Vector2d> by_level;
+  Matrix alike = Matrix::Zero();  // information if all rows weighed alike, which motions are judged by
   MixedBlocks blocks(noise, fit.transform, levels);
   IndependentBlock block;
   while (blocks.next(block))
@@ -46,6 +43,9 @@ WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit,
         const Vector3d x(block.x[0][i], block.x[1][i], block.x[2][i]);
         jacobian.push_back(std::sqrt(weight) *
                            residual_jacobian(normal, x, block.h[i], linear, kParameters == 8 ? 8 : 7));
+        const Eigen::Matrix<double, kParameters, 1> row =
+            jacobian.back().transpose().template head<kParameters>();
+        alike += row * row.transpose() / weight;
         by_level.emplace_back(known.px > 0 ? 0.0 : levels.px * block.alpha[k][i] * weight,
                               known.mm > 0 ? 0.0 : levels.mm * block.beta[k][i] * weight);
       }
@@ -56,6 +56,11 @@ WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit,
     white.row(m) = jacobian[m].template head<kParameters>();
     unknown.row(m) = by_level[m].transpose();
   }
+  const Ldlt<kParameters> hold(alike);
+  if (!(hold.least_pivot() > kLeastPivot * hold.greatest_pivot()))
+    return {TangentMatrix::Constant(kParameters, kParameters, std::numeric_limits<double>::quiet_NaN()), 0,
+            0};
+  const Ldlt<kParameters> information(Matrix(fit.information));
   return small_sample_covariance(white, unknown, information.solve(Matrix(Matrix::Identity())));
 }
 

@@ -18,6 +18,7 @@ from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array, Similarity, area_places, homogeneous_points
+from sonocal.geometry.units import length_hints, scale_hints, scan_hints, unit_doubt
 from sonocal.observations import Observations
 from sonocal.observations.outside import outside_findings
 from sonocal.registration.constraints import rows_of_spanned
@@ -47,6 +48,8 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
         NoConsensusError: no calibration agrees with enough sightings.
         UnsupportedError: the anisotropic model, or a threshold from the noise.
     """
+    if not len(rows):
+        raise InputError(f"{rows.source}: has no row to fit; see ten sightings or more, of several targets")
     if asked.model != "similarity":
         raise UnsupportedError(
             f"{rows.source}: holds points or planes, which are fitted by one scale; leave out the model"
@@ -91,6 +94,7 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
         partial(diagnose_fit, found.inlier, found.threshold_mm, converged=found.converged, what="targets"),
         partial(_few_targets, 0 if predicts else targets),
         partial(_weakness, calibration),
+        partial(_units, calibration, rows, inlier),
         partial(outside_findings, rows.points_px[inlier], size),
         partial(area_findings, calibration),
         _checks_of_lines,
@@ -159,6 +163,31 @@ def _few_targets(count: int) -> Iterator[Diagnostic]:
             ),
             advice=f"see {ENOUGH_TARGETS} or more, each under a name of its own in the column target",
         )
+
+
+def _units(calibration: Calibration, rows: Observations, inlier: NDArray[np.bool_]) -> Iterator[Diagnostic]:
+    """Whether the scale exists, what is spanned has a size that things have, and the probe's marker a place."""
+    similarity, covariance = calibration.probe_from_image, calibration.covariance
+    scale = float(similarity.scales[0])
+    deviation = 0.0 if covariance is None else float(np.sqrt(covariance[6, 6]))
+    hints = scale_hints(similarity.scales[:1], deviation, rows.dimension)
+    spanned = inlier & (rows.spans >= 2)
+    if spanned.any():
+        hints += length_hints(rows.points_px[spanned], rows.segments_mm[spanned])
+        if not hints:
+            hints = scan_hints(
+                image_mm=float(np.ptp(rows.points_px[inlier], axis=0).max() * scale),
+                needle_mm=float(
+                    np.median(np.linalg.norm(np.diff(rows.segments_mm[spanned], axis=1), axis=-1))
+                ),
+                marker_mm=float(
+                    np.linalg.norm(similarity @ homogeneous_points(rows.points_px[inlier]).mean(0))
+                ),
+                scale=scale,
+                rms_mm=calibration.fit.rms_mm,
+                dimension=rows.dimension,
+            )
+    yield from unit_doubt(hints)
 
 
 def _weakness(calibration: Calibration) -> Iterator[Diagnostic]:

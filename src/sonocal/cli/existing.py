@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal.cli.options import console, typed
+from sonocal.cli.others import apart_record, called, reread_records
 from sonocal.cli.screen.plain import say, say_json
 from sonocal.files import write_into_folder
 
@@ -17,14 +18,12 @@ if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.cli.measured import Measured
     from sonocal.existing import Choice, Existing
-    from sonocal.existing.difference import Difference
+    from sonocal.existing.compared import Compared
     from sonocal.existing.worth import Said, Worth
 
 __all__ = [
-    "apart_record",
     "choice_of",
     "of_other_software",
-    "print_apart",
     "refuse_choice",
     "validate_existing",
 ]
@@ -77,47 +76,65 @@ def validate_existing(
     other: Calibration | Existing | None,
     measured: Measured,
     *,
+    name: str,
     split: str | None,
     scanner_mm_per_px: float | None,
     page: Path | None,
     as_json: bool,
 ) -> None:
-    """Show what a matrix is worth: measured, and beside our own calibration of the same rows; write the page."""
+    """Show what a matrix is worth: measured, and beside our own calibration of the same rows; write the page.
+
+    Args:
+        existing: the matrix.
+        other: what it is compared with, where that was asked for.
+        measured: what it is measured on.
+        name: of the other, as it was given.
+        split: rows to measure on.
+        scanner_mm_per_px: what the scanner says.
+        page: to write, where one is wanted.
+        as_json: print for programs.
+    """
     from sonocal.cli.matrix_report import matrix_report_files
     from sonocal.cli.screen.existing import print_worth
-    from sonocal.existing.difference import difference
-    from sonocal.existing.worth import worth_of, worth_on_points
+    from sonocal.existing.compared import worth_compared
 
-    for name, instead in OF_OURS.items():
-        if wrong := typed((name,)):
+    for option, instead in OF_OURS.items():
+        if wrong := typed((option,)):
             raise click.UsageError(f"{wrong[0]} is for calibration.json; of {existing.file} {instead}")
-    if measured.points is not None:
-        worth = worth_on_points(existing, measured.points)
-        seen = measured.points.points_px
-    else:
-        rows = measured.sightings
-        seen = rows.points_px
-        worth = worth_of(
-            existing,
-            rows,
-            split=split,
-            nwires=measured.nwires,
-            own=measured.own,
-            said=_said(scanner_mm_per_px, measured),
-        )
-        if measured.recording is not None:
-            worth = replace(worth, source=measured.recording.name)
-    area = _box(seen) if worth.own is None else worth.own.area_px
-    apart = None if other is None else difference(existing, other, area, "the other")
-    files = {} if page is None else matrix_report_files(worth, apart, name=page.name)
+    worth = _measured(existing, measured, split, scanner_mm_per_px)
+    area = _seen(measured) if worth.own is None else worth.own.area_px
+    beside = None
+    if other is not None:
+        worth, beside = worth_compared(worth, other, area, name)
+    against = {} if beside is None else {called(other, name): beside.difference}
+    files = {} if page is None else matrix_report_files(worth, against, area, name=page.name)
     if page is not None:
         write_into_folder(page.parent, files)
     if as_json:
-        say_json(_record(worth) | ({} if apart is None else {"comparison": apart_record(apart)}))
+        say_json(_record(worth, other, beside))
         return
-    print_worth(console(), worth, apart)
+    print_worth(console(), worth, against)
     if files:
         say(f"Wrote {page}")
+
+
+def _measured(
+    existing: Existing, measured: Measured, split: str | None, scanner_mm_per_px: float | None
+) -> Worth:
+    """What a matrix is worth on INPUT."""
+    from sonocal.existing.worth import worth_of, worth_on_points
+
+    if measured.points is not None:
+        return worth_on_points(existing, measured.points)
+    worth = worth_of(
+        existing,
+        measured.sightings,
+        split=split,
+        nwires=measured.nwires,
+        own=measured.own,
+        said=_said(scanner_mm_per_px, measured),
+    )
+    return worth if measured.recording is None else replace(worth, source=measured.recording.name)
 
 
 def _said(scanner_mm_per_px: float | None, measured: Measured) -> Said | None:
@@ -131,13 +148,15 @@ def _said(scanner_mm_per_px: float | None, measured: Measured) -> Said | None:
     return None if stated is None else Said(stated.mm_per_px, f"the recording ({stated.where})")
 
 
-def _box(points_px: Any) -> Any:
+def _seen(measured: Measured) -> Any:
+    """(2, d) px: what was seen of the image."""
     import numpy as np
 
-    return np.array([points_px.min(axis=0), points_px.max(axis=0)])
+    points = measured.points.points_px if measured.points is not None else measured.sightings.points_px
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
-def _record(worth: Worth) -> dict[str, Any]:
+def _record(worth: Worth, other: Calibration | Existing | None, beside: Compared | None) -> dict[str, Any]:
     from sonocal.cli.screen.existing import existing_record
     from sonocal.existing.worth import MATRIX_ALONE
     from sonocal.validation import give_verdict
@@ -159,25 +178,12 @@ def _record(worth: Worth) -> dict[str, Any]:
             "probe_from_image": worth.own.probe_from_image.matrix,
             "quantities": worth.own_quantities,
         }
-    return record | ({} if worth.difference is None else {"difference": apart_record(worth.difference)})
-
-
-def print_apart(apart: Difference) -> None:
-    """Show how far a matrix of other software is from a calibration of ours."""
-    from sonocal.cli.screen.existing import print_difference
-
-    print_difference(console(), apart, "The other calibration against this one, mm")
-
-
-def apart_record(apart: Difference) -> dict[str, Any]:
-    """The same for programs."""
-    return {
-        "places_px": apart.places_px,
-        "difference_mm": apart.difference_mm,
-        "distance_mm": apart.distance_mm,
-        "known_mm": apart.known_mm,
-        "rotation_deg": apart.rotation_deg,
-        "scales_mm_per_px": apart.scales_mm_per_px,
-        "other_scales_mm_per_px": apart.other_scales_mm_per_px,
-        "sentence": apart.sentence,
-    }
+    if worth.difference is not None:
+        record["difference"] = apart_record(worth.difference)
+    record["rereadings"] = reread_records(worth.existing, worth.rereadings)
+    if worth.reread_quantities:
+        record["rereadings"][0]["quantities"] = worth.reread_quantities
+    if beside is not None:
+        record["comparison"] = apart_record(beside.difference)
+        record["rereadings"] += reread_records(other, beside.rereadings)
+    return record

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from sonocal.report.page_file import Page
     from sonocal.simulation.truth_file import KnownTruth
     from sonocal.studies.results_file import StudyResults
-    from sonocal.targets import Line
+    from sonocal.targets import Line, Target
     from sonocal.validation import PointSightings
 
 __all__ = [
@@ -144,6 +144,14 @@ def lines_in(path: Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, str], Arr
         path, ("targets", "device set"), "name a file of needles or wires (.toml), or a device set (.xml)"
     )
     return read_lines(path)
+
+
+def targets_in(path: Path) -> tuple[tuple[Target, ...], Mapping[tuple[str, str], Array]]:
+    """Points, lines and planes in a file that the command line was given. Raises as `lines_in`."""
+    from sonocal.targets import read_targets_and_fixed
+
+    require_kind(path, ("targets", "device set"), "name a file of targets (.toml), or a device set (.xml)")
+    return read_targets_and_fixed(path)
 
 
 def table() -> str:

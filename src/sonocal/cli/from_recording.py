@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sonocal.geometry import AxisScaled
     from sonocal.observations import Observations
     from sonocal.recording import Recording
-    from sonocal.targets import Line
+    from sonocal.targets import Line, Target
 
 __all__ = [
     "OF_DETECTION",
@@ -68,19 +68,22 @@ def from_recording(
         options: of `sonocal.calibrate`.
         start: a transform that may be near, by which candidates may be chosen.
     """
-    from sonocal.cli.formats import lines_in
+    from sonocal.cli.formats import lines_in, targets_in
     from sonocal.observations.table_file import as_file
+    from sonocal.targets import Line
 
     recording = read_given(source, recorded)
-    known, fixed = lines_in(lines)
+    known, fixed = targets_in(lines)
     refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
-    refuse_units(lines.name, unit_doubts(lines=known), accepted=recorded["accept_units"])
+    needles = [one for one in known if isinstance(one, Line)]
+    refuse_units(lines.name, unit_doubts(lines=needles), accepted=recorded["accept_units"])
     how = options | {"fixed": fixed} | {name: recorded[name] for name in ("probe", "on_invalid")}
     if recorded["points"] is not None:
         result = _from_points(recording, known, recorded["points"], how)
     else:
         how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
-        result = _from_images(recording, known, output, how | looking(recording, recorded), start)
+        lines_in(lines)  # which says so where there is none to look for
+        result = _from_images(recording, needles, output, how | looking(recording, recorded), start)
     table, rows = as_file(result.rows, TABLE)
     found = _with_provenance(result.calibration, rows, {"recording": source, "lines": lines}, recorded)
     return Result(rows, found, {TABLE: table, **result.files}, recording)
@@ -99,7 +102,7 @@ def looking(recording: Recording, options: Mapping[str, Any]) -> dict[str, Any]:
     return asked | ({"mask": read_mask(asked["mask"], recording.frames.shape[:2])} if "mask" in asked else {})
 
 
-def _from_points(recording: Recording, lines: Sequence[Line], points: Path, how: dict[str, Any]) -> Result:
+def _from_points(recording: Recording, lines: Sequence[Target], points: Path, how: dict[str, Any]) -> Result:
     """Calibrate on the points of a table."""
     from sonocal.detection import read_detections
     from sonocal.sweep import calibrate_points

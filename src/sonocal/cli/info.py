@@ -135,16 +135,18 @@ def _known_points(_: str, found: PointSightings) -> Shown:
 
 
 def _targets(name: str, found: Targets) -> Shown:
-    from sonocal.cli.screen.recording import print_lines, print_tips
+    from sonocal.cli.screen.recording import print_lines, print_planes, print_tips
 
     def show() -> None:
         if found.lines:
             print_lines(console(), f"{name}: needles and wires", found.lines)
         if found.points:
-            print_tips(console(), f"{name}: points of tools", found.points)
+            print_tips(console(), f"{name}: points", found.points)
+        if found.planes:
+            print_planes(console(), f"{name}: planes", found.planes)
 
     doubts = unit_doubts(lines=found.lines)
-    record = {"lines": found.lines, "points": found.points, "diagnostics": doubts}
+    record = {"lines": found.lines, "points": found.points, "planes": found.planes, "diagnostics": doubts}
     return record, _doubted(doubts, show)
 
 

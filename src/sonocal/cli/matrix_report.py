@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from sonocal.cli.screen.plain import say
@@ -10,29 +11,38 @@ from sonocal.errors import UnsupportedError
 if TYPE_CHECKING:
     from sonocal.existing.difference import Difference
     from sonocal.existing.worth import Worth
+    from sonocal.geometry import Array
 
 __all__ = ["matrix_report_files"]
 
 
-def matrix_report_files(worth: Worth, apart: Difference | None, *, name: str) -> dict[str, bytes]:
+def matrix_report_files(
+    worth: Worth, against: Mapping[str, Difference], area_px: Array, *, name: str
+) -> dict[str, bytes]:
     """The page by its file's name; nothing, and a note on stderr, where its libraries are not installed.
 
     Args:
         worth: what is known of the matrix.
-        apart: how far it is from another one, where that was asked for.
+        against: how far it is from others, by what they are called.
+        area_px: (2, d): of the image, or what was seen of it.
         name: of the page.
     """
     from sonocal import __version__
-    from sonocal.cli.screen.existing import difference_sentence, meaning_sentences, quantities_in_turn
+    from sonocal.cli.screen.existing import (
+        OWN,
+        difference_section,
+        meaning_sentences,
+        quantities_in_turn,
+    )
+    from sonocal.existing.choice import AS
     from sonocal.existing.worth import MATRIX_ALONE
+    from sonocal.report.svg import matrix_svg
     from sonocal.report.templates import filled, now
     from sonocal.validation import CANNOT_SHOW, give_verdict
 
-    existing = worth.existing
-    against = {
-        "Against our own calibration of the same rows": worth.difference,
-        "Against the other calibration": apart,
-    }
+    existing, meant = worth.existing, worth.reread or worth.existing
+    sections = [] if worth.difference is None else [difference_section(OWN, worth.difference)]
+    sections += [difference_section(f"Against {other}", apart) for other, apart in against.items()]
     try:
         page = filled(
             "matrix.html",
@@ -41,20 +51,21 @@ def matrix_report_files(worth: Worth, apart: Difference | None, *, name: str) ->
             format=existing.format,
             source=worth.source,
             answer=worth.sentence,
+            misread=worth.misread,
             scale=worth.scale_sentence,
             ours=None if worth.own is None else give_verdict(worth.own),
             quantities=quantities_in_turn(worth),
-            differences=[
-                (title, [one.sentence, difference_sentence(one)], one.rows)
-                for title, one in against.items()
-                if one is not None
-            ],
+            differences=sections,
             findings=worth.diagnostics,
             standing=(CANNOT_SHOW, [MATRIX_ALONE]),
-            matrix=existing.matrix,
-            words=meaning_sentences(existing),
+            how=", read so" if worth.reread else "",
+            matrix=meant.matrix,
+            figure=matrix_svg(meant.probe_from_image, area_px, worth.own),
+            words=meaning_sentences(meant),
             provenance=[
                 ("matrix", f"{existing.said} ({existing.format})"),
+                ("read", AS[existing.form]),
+                *(("compared with", other) for other in against),
                 ("input", worth.source),
                 ("input's SHA-256", worth.sha256),
                 ("sonocal", __version__),

@@ -97,7 +97,11 @@ class Threshold(click.ParamType[float | str]):
 
 
 LINES = click.option(
-    "--lines", type=FILE, help="The needle or wires: needle.toml or a PLUS device set (XML)."
+    "--lines",
+    "--targets",
+    "lines",
+    type=FILE,
+    help="The needle or wires, with --points also beads and walls: needle.toml or a PLUS device set (XML).",
 )
 POSES = click.option(
     "--poses",

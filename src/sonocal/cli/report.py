@@ -11,6 +11,7 @@ from sonocal.errors import UnsupportedError
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.cli.from_recording import Result
+    from sonocal.cli.screen.existing import Section
     from sonocal.observations import Observations
     from sonocal.report import FrameImage
     from sonocal.validation import Comparison, Validation
@@ -28,10 +29,13 @@ def report_files(
     frames: Sequence[FrameImage] = (),
     *,
     name: str = "report.html",
+    other: str = "",
+    differences: Sequence[Section] = (),
 ) -> dict[str, bytes]:
     """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed.
 
-    Without numbers, the error of held-out rows, which the verdict weighs, is found here.
+    Without numbers, the error of held-out rows, which the verdict weighs, is found here. The rest is as `report_html`
+    has it.
     """
     from sonocal.report import report_html
     from sonocal.validation import validate
@@ -41,10 +45,19 @@ def report_files(
     if numbers is None and rows is not None:
         numbers = validate(calibration, rows, resample=False)
     try:
-        return {name: report_html(calibration, rows, numbers, comparison=comparison, frames=frames)}
+        page = report_html(
+            calibration,
+            rows,
+            numbers,
+            comparison=comparison,
+            other=other,
+            differences=differences,
+            frames=frames,
+        )
     except UnsupportedError as error:
         say(f"Note: {error}", err=True)
         return {}
+    return {name: page}
 
 
 def json_with_verdict(calibration: Calibration, content: bytes) -> dict[str, Any]:
@@ -75,5 +88,6 @@ def pictures(result: Result) -> list[FrameImage]:
         grey = as_grey(recording.frames[frame], dimension, f"{recording.name}, frame {frame}")
         flat = grey if dimension == 2 else grey.max(axis=0)
         image = flat.clip(0, 255).astype(np.uint8)
-        shown.append(FrameImage(image, here.points_px, here.segments_mm, f"frame {frame}"))
+        lines = here.segments_mm if here.lines_only else None  # what is no line is not drawn
+        shown.append(FrameImage(image, here.points_px, lines, f"frame {frame}"))
     return shown

@@ -69,7 +69,9 @@ def unit_doubts(
         length = float(sum((line.segment_mm[1] - line.segment_mm[0]) ** 2) ** 0.5)
         found += unit_doubt(needle_hints(f"the line {line.name!r}", length))
     if rows is not None:
-        found += unit_doubt(length_hints(rows.points_px, rows.segments_mm))
+        spanned = rows.spans >= 2
+        if spanned.any():
+            found += unit_doubt(length_hints(rows.points_px[spanned], rows.segments_mm[spanned]))
     return found
 
 
@@ -78,12 +80,16 @@ def table_doubts(rows: Observations) -> list[Diagnostic]:
     from sonocal.calibration import calibrate
     from sonocal.calibration.evidence import evidence_of
     from sonocal.errors import SonocalError
+    from sonocal.geometry.units import UNITS_CODE
     from sonocal.setup_checks.units import check_units
 
     if found := unit_doubts(rows=rows):
         return found
     try:
-        return [*check_units(evidence_of(calibrate(rows), rows))]
+        calibration = calibrate(rows)
+        if not rows.lines_only:
+            return [one for one in calibration.diagnostics if one.code == UNITS_CODE]
+        return [*check_units(evidence_of(calibration, rows))]
     except SonocalError:  # rows that have no calibration have no scale
         return []
 

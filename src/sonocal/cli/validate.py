@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sonocal.cli.existing import (
-    apart_record,
-    choice_of,
-    of_other_software,
-    print_apart,
-    refuse_choice,
-    validate_existing,
-)
+from sonocal.cli.existing import choice_of, of_other_software, refuse_choice, validate_existing
 from sonocal.cli.help import DETECTING, READING, SET_UP, command
 from sonocal.cli.measured import OF_RECORDINGS, Measured, read_measured
 from sonocal.cli.options import (
@@ -37,6 +30,7 @@ from sonocal.cli.options import (
     console,
     seed,
 )
+from sonocal.cli.others import Others, apart_record, called, print_apart, with_others
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.piped import folder_of
 from sonocal.cli.screen.plain import say, say_json
@@ -45,8 +39,6 @@ from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
-    from sonocal.existing import Existing
-    from sonocal.existing.difference import Difference
     from sonocal.validation import Comparison, Validation
 
 __all__ = ["validate"]
@@ -164,59 +156,71 @@ def validate(
     page = folder / PAGE if report and (output is not None or not isinstance(found, Existing)) else None
     if page is not None:
         _reserve_page(folder, calibration)
-    others = [None if path is None else calibration_in(path, choice) for path in (compare, expected)]
-    refuse_choice(found, *others)
+    others = Others(*(None if path is None else calibration_in(path, choice) for path in (compare, expected)))
+    refuse_choice(found, others.compared, others.expected)
+    name = "" if compare is None else str(compare)
     how = {"crosswire": options.pop("crosswire"), "nwires": options.pop("nwires"), "split": options["split"]}
     measured = read_measured(source, lines, recorded, found, **how)
     if isinstance(found, Existing):
         of_matrix = {name: options[name] for name in ("split", "scanner_mm_per_px")}
-        validate_existing(found, others[0], measured, **of_matrix, page=page, as_json=as_json)
+        validate_existing(
+            found, others.compared, measured, name=name, **of_matrix, page=page, as_json=as_json
+        )
         return
-    expectation = others[1] or others[0]
+    expectation = others.expectation
     options["expected_rotation"] = None if expectation is None else rotation_of(expectation)
-    _validate_ours(found, others[0], measured, options, folder=folder if report else None, as_json=as_json)
+    _validate_ours(
+        found, others, measured, options, name=name, folder=folder if report else None, as_json=as_json
+    )
 
 
 def _validate_ours(
     found: Calibration,
-    other: Calibration | Existing | None,
+    others: Others,
     measured: Measured,
     options: dict[str, Any],
     *,
+    name: str,
     folder: Path | None,
     as_json: bool,
 ) -> None:
     """The numbers of a calibration of ours, the comparison, and the report where a folder is given."""
     from sonocal.calibration import Calibration
     from sonocal.cli.report import report_files
+    from sonocal.cli.screen.existing import difference_section
     from sonocal.files import write_into_folder
-    from sonocal.validation.measured import comparison_findings
+    from sonocal.findings import begun
 
-    numbers = _numbers(found, measured, options)
+    other = others.compared
+    numbers, beside, misread = with_others(_numbers(found, measured, options), found, others)
     comparison = _compared(found, other) if isinstance(other, Calibration) else None
     if comparison is not None:
-        found_too = comparison_findings(found, comparison)
-        numbers = replace(numbers, diagnostics=(*numbers.diagnostics, *found_too))
-    apart = None if other is None or comparison is not None else _apart(other, found)
-    files = {} if folder is None else report_files(found, measured.rows, numbers, comparison, name=PAGE)
+        numbers = _with_comparison(numbers, found, comparison)
+    title = f"{begun(called(other, name))}, against this one"
+    sections = [] if beside is None else [difference_section(title, beside.difference)]
+    files = (
+        {}
+        if folder is None
+        else report_files(
+            found, measured.rows, numbers, comparison, name=PAGE, other=name, differences=sections
+        )
+    )
     write_into_folder(folder or Path(), files)
     if as_json:
-        say_json(
-            _record(found, numbers, comparison)
-            | ({} if apart is None else {"difference": apart_record(apart)})
-        )
+        apart = {} if beside is None else {"difference": apart_record(beside.difference)}
+        say_json(_record(found, numbers, comparison) | apart | {"rereadings": misread})
         return
-    _print(found, numbers, comparison)
-    if apart is not None:
-        print_apart(apart)
-    for name in files:
-        say(f"Wrote {(folder or Path()) / name}")
+    _print(found, numbers, comparison, called(other, name))
+    if beside is not None:
+        print_apart(beside.difference, title)
+    for file in files:
+        say(f"Wrote {(folder or Path()) / file}")
 
 
-def _apart(other: Calibration | Existing, found: Calibration) -> Difference:
-    from sonocal.existing.difference import difference
+def _with_comparison(numbers: Validation, found: Calibration, comparison: Comparison) -> Validation:
+    from sonocal.validation.measured import comparison_findings
 
-    return difference(other, found, found.area_px, "ours")
+    return replace(numbers, diagnostics=(*numbers.diagnostics, *comparison_findings(found, comparison)))
 
 
 def _reserve_page(folder: Path, path: Path) -> None:
@@ -243,12 +247,12 @@ def _compared(first: Calibration, second: Calibration) -> Comparison:
     return compare(first, second)
 
 
-def _print(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> None:
+def _print(calibration: Calibration, numbers: Validation, comparison: Comparison | None, other: str) -> None:
     from sonocal.cli.screen.validation import print_validation
 
     if not numbers.quantities and not numbers.diagnostics:
         raise InputError(f"{numbers.source}: gives no number; it needs held-out rows, places or poses")
-    print_validation(console(), calibration, numbers, comparison)
+    print_validation(console(), calibration, numbers, comparison, other)
 
 
 def _record(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> dict[str, Any]:

@@ -59,13 +59,10 @@ def chosen(matrices: Matrices, choice: Choice | None = None) -> Existing:
         notes.append(_by_scale(matrices.file, stored, form))
     if stored.transposed:
         notes.append(_transposed(matrices.file))
-    name = stored.name
-    if form == "inverse" and (frames := frames_of(stored)) is not None:
-        name = _turned(name, *frames)
     return Existing(
         file=matrices.file,
         format=matrices.format,
-        transform=name,
+        transform=_from_image(stored, form),
         matrix=in_form(stored.matrix, form),
         notes=tuple(notes),
         stated_error_mm=stored.stated_error_mm,
@@ -182,8 +179,24 @@ def _spread(edges: Mapping[str, Mapping[str, Array]], reached: dict[str, Array])
 
 
 def _form_by_name(stored: Stored) -> Form | None:
+    return "inverse" if _leads_to_image(stored) else None
+
+
+def _from_image(stored: Stored, form: Form) -> str:
+    """What a matrix is called once it was read, which is from px to mm, whatever its file calls it.
+
+    A name without an image in it says nothing but that the inverse goes the other way.
+    """
     frames = frames_of(stored)
-    return "inverse" if frames and not _is_image(frames[0]) and _is_image(frames[1]) else None
+    if frames is None or (_is_image(frames[0]) and not _is_image(frames[1])):
+        return stored.name
+    turned = _leads_to_image(stored) or form == "inverse"
+    return _turned(stored.name, *frames) if turned else stored.name
+
+
+def _leads_to_image(stored: Stored) -> bool:
+    frames = frames_of(stored)
+    return frames is not None and not _is_image(frames[0]) and _is_image(frames[1])
 
 
 def _turned(name: str, source: str, target: str) -> str:

@@ -12,7 +12,7 @@ from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import meaning_of
 from sonocal.geometry import Array, area_places
 
-__all__ = ["Difference", "difference"]
+__all__ = ["Difference", "difference", "known_mm"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +26,8 @@ class Difference:
         known_mm: (M,): what the other is known to at all of these places at once (95 %); None where nothing says so.
         rotation_deg: the angle between the two.
         scales_mm_per_px, other_scales_mm_per_px: (3,), of the two.
+        reread: the same of what was misread, read so that it agrees; None where nothing was, or two ways do.
+        because: how that is, in words, where it is not said elsewhere.
     """
 
     other: str
@@ -35,6 +37,8 @@ class Difference:
     rotation_deg: float
     scales_mm_per_px: Array
     other_scales_mm_per_px: Array
+    reread: Difference | None = None
+    because: str = ""
 
     @property
     def distance_mm(self) -> Array:
@@ -96,7 +100,7 @@ def difference(
         other=name,
         places_px=places,
         difference_mm=apart,
-        known_mm=_known(other, places),
+        known_mm=known_mm(other, places),
         rotation_deg=float(np.degrees(2.0 * np.arcsin(np.clip(chord / np.sqrt(8.0), 0.0, 1.0)))),
         scales_mm_per_px=first.scales_mm_per_px,
         other_scales_mm_per_px=second.scales_mm_per_px,
@@ -107,7 +111,8 @@ def _matrix(one: Existing | Calibration) -> Array:
     return one.matrix if isinstance(one, Existing) else one.probe_from_image.matrix
 
 
-def _known(one: Existing | Calibration, places: Array) -> Array | None:
+def known_mm(one: Existing | Calibration, places: Array) -> Array | None:
+    """(M,): what a calibration of ours is known to at all of these places (M, d) at once (95 %), mm; else None."""
     if isinstance(one, Existing) or one.covariance is None:
         return None
     from sonocal.registration.uncertainty import radius_95

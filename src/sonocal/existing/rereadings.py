@@ -3,43 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sonocal.existing.choice import AS
+from sonocal.existing.fitting import Rereading
 from sonocal.existing.matrix import LPS_FROM_RAS, Existing, Form, affine_inverse, in_form
 from sonocal.existing.meaning import meaning_of
 from sonocal.geometry import Array
 
-__all__ = ["Rereading", "fitting", "in_words", "rereadings"]
+__all__ = ["rereadings"]
 
-# Of our own error on the same rows: so far off is still near, and a matrix is far off beyond so many times that.
-NEAR, FAR = 2.0, 3.0
 UNIT = {"metres": 1000.0, "centimetres": 10.0}
 AXES = "uvw"
-
-
-@dataclass(frozen=True, eq=False)
-class Rereading:
-    """One way to read a matrix otherwise.
-
-    Attributes:
-        words: what the matrix is, if this is it, to follow its name.
-        matrix: (4, 4): mm from px, read so.
-        advice: what to do then.
-        steps: how many mistakes it undoes: one is likelier than two.
-    """
-
-    words: str
-    matrix: Array
-    advice: str
-    steps: int = 1
-
-    def of(self, existing: Existing) -> Existing:
-        """The matrix, read so; how it had been read is no news then."""
-        notes = tuple(one for one in existing.notes if one.code != "direction-by-scale")
-        return replace(existing, matrix=self.matrix, notes=notes)
 
 
 def rereadings(
@@ -61,36 +38,11 @@ def rereadings(
     """
     ways = [*_forms(existing), *_one_sided(existing)]
     changes = [*_units(existing, scale_mm_per_px)]
-    as_read = Rereading("", existing.matrix, "", 0)
+    as_read = Rereading("", "", existing.matrix, "", 0)
     axes = _axes(dimension, size_px) if images else ()
     ways += [_then(as_read, change) for change in (*changes, *_parts(), *axes)]
     forms = _forms(existing)
     return ways + [_then(form, change) for form in forms for change in changes if change.whole]
-
-
-def fitting(
-    ways: Sequence[Rereading], error_of: Callable[[Array], float], as_read: float, ours: float
-) -> list[Rereading]:
-    """Those whose error is near ours, where that of the matrix as it was read is far from it.
-
-    Of one mistake, where one explains the rows; several are not told apart by them.
-    """
-    near = NEAR * ours
-    if not as_read > FAR * near:
-        return []
-    for steps in sorted({way.steps for way in ways}):
-        if found := [way for way in ways if way.steps == steps and error_of(way.matrix) <= near]:
-            return found
-    return []
-
-
-def in_words(found: Sequence[Rereading]) -> tuple[str, str]:
-    """What the matrix is, to follow its name, and what to do."""
-    if len(found) == 1:
-        return found[0].words, found[0].advice
-    either = ", or ".join(one.words for one in found)
-    todo = "; or ".join(dict.fromkeys(one.advice for one in found))
-    return f"{either} (which of them, these rows do not tell)", f"see which it is: {todo}"
 
 
 @dataclass(frozen=True)
@@ -98,34 +50,38 @@ class _Change:
     """A mistake that may come on top of another.
 
     Attributes:
-        words, advice: as of a `Rereading`.
+        name, words, advice: as of a `Rereading`.
         undo: from the matrix as read to what it should have been.
         whole: it is one of the matrix as a whole, which its inverse may have, too.
+        of_images: as of a `Rereading`.
     """
 
+    name: str
     words: str
     advice: str
     undo: Callable[[Array], Array]
     whole: bool = False
+    of_images: bool = False
 
 
 def _then(way: Rereading, change: _Change) -> Rereading:
+    name = f"{way.name}+{change.name}" if way.name else change.name
     words = f"{way.words}, and {change.words}" if way.words else change.words
     advice = f"{way.advice}, and {change.advice}" if way.advice else change.advice
-    return Rereading(words, change.undo(way.matrix), advice, way.steps + 1)
+    return Rereading(name, words, change.undo(way.matrix), advice, way.steps + 1, change.of_images)
 
 
 def _forms(existing: Existing) -> list[Rereading]:
     """The other ways to store a matrix; for all but the last there is an option."""
     stored = in_form(existing.matrix, existing.form)  # each form is its own inverse
     found = [
-        Rereading(f"is stored {words}", in_form(stored, form), f"give --stored-as {form}")
+        Rereading(form, f"is stored {words}", in_form(stored, form), f"give --stored-as {form}")
         for form, words in AS.items()
         if form != existing.form
     ]
     turned = LPS_FROM_RAS @ stored @ LPS_FROM_RAS
     how = "export it in RAS axes, or negate the first two numbers of its columns and then of its rows"
-    return [*found, Rereading("is in LPS axes instead of RAS, of image and marker", turned, how)]
+    return [*found, Rereading("lps", "is in LPS axes instead of RAS, of image and marker", turned, how)]
 
 
 def _one_sided(existing: Existing) -> Iterator[Rereading]:
@@ -135,15 +91,18 @@ def _one_sided(existing: Existing) -> Iterator[Rereading]:
     for form, matrix in both:
         inverse = "" if form == existing.form else f"is stored {AS[form]}, and "
         option = "" if form == existing.form else f", and give --stored-as {form}"
+        first = "" if form == existing.form else f"{form}+"
         steps = 1 if form == existing.form else 2
         rows, columns = ("rows", "columns") if form == "direct" else ("columns", "rows")
         yield Rereading(
+            f"{first}marker-lps",
             f"{inverse}has the marker's axes in LPS instead of RAS",
             LPS_FROM_RAS @ matrix,
             f"export it in the marker's own axes, or negate its first two {rows}{option}",
             steps,
         )
         yield Rereading(
+            f"{first}image-lps",
             f"{inverse}has the image's axes in LPS instead of RAS",
             matrix @ LPS_FROM_RAS,
             f"export it for u to the right and v down, or negate its first two {columns}{option}",
@@ -154,6 +113,7 @@ def _one_sided(existing: Existing) -> Iterator[Rereading]:
 def _units(existing: Existing, scale_mm_per_px: float | None) -> Iterator[_Change]:
     for unit, factor in UNIT.items():
         yield _Change(
+            unit,
             f"is in {unit} instead of mm",
             f"export it in mm, or multiply the first three rows of what maps px to mm by {factor:g}",
             _rows_times(factor),
@@ -161,6 +121,7 @@ def _units(existing: Existing, scale_mm_per_px: float | None) -> Iterator[_Chang
         )
     if scale_mm_per_px is not None and meaning_of(existing.matrix).is_rigid:
         yield _Change(
+            "px-for-mm",
             "takes pixels for mm: the image's mm/px are missing in it",
             "multiply the first three columns of what maps px to mm by the scanner's mm per px (ours has "
             f"{scale_mm_per_px:.4g})",
@@ -173,11 +134,13 @@ def _parts() -> Iterator[_Change]:
     """Mistakes of one part of the matrix."""
     for unit, factor in UNIT.items():
         yield _Change(
+            f"translation-{unit}",
             f"has its translation in {unit}, and its mm/px in mm",
             f"export it in mm, or multiply its translation by {factor:g}",
             _translation_times(factor),
         )
     yield _Change(
+        "rotation-transposed",
         "has its rotation transposed, and its translation in place",
         "transpose its first three rows and columns, and mind which way round numbers are exported",
         _transposed,
@@ -190,22 +153,28 @@ def _axes(dimension: int, size_px: Sequence[int] | None) -> Iterator[_Change]:
     for i in range(dimension):
         for j in range(i + 1, dimension):
             yield _Change(
+                f"{AXES[i]}-{AXES[j]}-exchanged",
                 f"is for images whose {AXES[i]} and {AXES[j]} are exchanged",
                 f"{where}, or exchange columns {i + 1} and {j + 1} of what maps px to mm",
                 _linear(np.eye(4)[:, _exchanged(i, j)]),
+                of_images=True,
             )
     if size_px is None:
         return
     for i in range(dimension):
         yield _Change(
+            f"{AXES[i]}-mirrored",
             f"is for images that are mirrored along {AXES[i]}",
             f"{where}, and export it for images as this scan has them",
             _linear(_flipped(size_px, [i])),
+            of_images=True,
         )
     yield _Change(
+        "half-turn",
         "is for images that are turned by half a turn",
         f"{where}, and export it for images as this scan has them",
         _linear(_flipped(size_px, [0, 1])),
+        of_images=True,
     )
 
 

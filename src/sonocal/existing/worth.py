@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sonocal.calibration import Calibration, calibrate, line_distances
-from sonocal.calibration.held_out import independent_units
+from sonocal.calibration import Calibration, calibrate
 from sonocal.errors import InputError, SonocalError
 from sonocal.existing.difference import Difference, difference
+from sonocal.existing.fitting import Rereading
 from sonocal.existing.matrix import Existing
 from sonocal.existing.meaning import UNEQUAL, matrix_findings, meaning_of
-from sonocal.existing.misread import misread, misread_finding
+from sonocal.existing.misread import misread, misread_finding, misread_on_points
 from sonocal.existing.worth_findings import (
     Said,
     against_scanner,
@@ -22,19 +22,16 @@ from sonocal.existing.worth_findings import (
     with_interval,
     worse_than_ours,
 )
+from sonocal.existing.worth_numbers import measured
 from sonocal.findings import Diagnostic, begun, warnings_first
-from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.registration.options import Model
 from sonocal.validation import (
     PointSightings,
     Quantity,
     fixed_point_spread,
-    leave_one_frame_out,
-    nwire_error,
     reconstruction_accuracy,
 )
-from sonocal.validation.quantity import rms_quantity
 
 __all__ = ["MATRIX_ALONE", "Said", "Worth", "model_like", "worth_of", "worth_on_points"]
 
@@ -57,7 +54,9 @@ class Worth:
         difference: from ours; None where there is none.
         said: the mm/px that the scanner or the recording states.
         diagnostics: what is odd about the matrix, and what the rows say of it; warnings first.
-        reread: what the matrix is instead of what it was read as, where one usual mistake explains the rows.
+        rereadings: how the matrix is read so that it explains the rows, where it was misread: of several they do not
+            tell which is right.
+        reread_quantities: the same of the matrix, read so, where there is one such reading.
     """
 
     existing: Existing
@@ -69,14 +68,27 @@ class Worth:
     difference: Difference | None = None
     said: Said | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
-    reread: Existing | None = None
+    rereadings: tuple[Rereading, ...] = ()
+    reread_quantities: tuple[Quantity, ...] = ()
+
+    @property
+    def reread(self) -> Existing | None:
+        """The matrix as it is right, where one usual mistake explains the rows."""
+        return self.rereadings[0].of(self.existing) if len(self.rereadings) == 1 else None
+
+    @property
+    def misread(self) -> Diagnostic | None:
+        """The finding that the matrix was misread, where it was."""
+        # Warnings come first: a note may be of a matrix that it is compared with.
+        found = (one for one in self.diagnostics if one.code == "misread-matrix")
+        return next(found, None) if self.rereadings else None
 
     @property
     def sentence(self) -> str:
         """The answer in one or two sentences."""
         if not self.quantities:
             return f"Nothing was measured of {self.existing.said}."
-        if led := next((one for one in self.diagnostics if one.code == "misread-matrix"), None):
+        if (led := self.misread) is not None:
             return f"{begun(led.message)}: {led.advice}."
         said = f"On {self.source}, {self.existing.said} is off by {with_interval(self.quantities[0])}"
         if not self.own_quantities or self.difference is None:
@@ -127,38 +139,39 @@ def worth_of(
     own, refused = (own, None) if own is not None and split is None else _own(existing, observations, split)
     if own is not None and split is None and len(own.inlier) == len(rows) and own.inlier.any():
         rows = rows.select(own.inlier)
-    numbers = _Numbers()
-    failures: list[Diagnostic] = []
-    for of, found in ((numbers.theirs, existing), (numbers.ours, own)):
-        if found is not None:
-            failures += _measure(of, found, rows, nwires, held_out=split is not None)
-    area = _area(rows, own)
-    apart = None if own is None else difference(existing, own, area, "ours")
-    ways = misread(existing, rows, own, numbers.theirs, numbers.ours)
-    reread = ways[0].of(existing) if len(ways) == 1 else None
-    findings = [
-        *([] if refused is None else [not_calibrated(refused)]),
-        *(
-            [misread_finding(existing, rows, ways, numbers.theirs[0], numbers.ours[0])]
-            if ways
-            else worse_than_ours(existing, numbers.theirs, numbers.ours, apart)
-        ),
-        *(matrix_findings(reread or existing, observations.dimension) if reread or not ways else ()),
-        *against_scanner(reread or existing, said),
-        *failures,
-    ]
-    return Worth(
-        existing,
-        observations.source,
-        observations.sha256,
-        tuple(numbers.theirs),
-        own,
-        tuple(numbers.ours),
-        apart,
-        said,
-        warnings_first(findings),
-        reread,
-    )
+    held_out = split is not None
+    theirs, failures = measured(existing, rows, nwires, held_out=held_out)
+    ours, others = ((), ()) if own is None else measured(own, rows, nwires, held_out=held_out)
+    worth = Worth(existing, observations.source, observations.sha256, theirs, own, ours, said=said)
+    if own is not None:
+        worth = _beside_ours(worth, own, rows)
+    if (reread := worth.reread) is not None:
+        so = measured(reread, rows, nwires, held_out=held_out, who="This matrix, read so")[0]
+        worth = replace(worth, reread_quantities=so)
+    missing = () if refused is None else (not_calibrated(refused),)
+    found = [*missing, *_findings(worth, rows), *failures, *others]
+    return replace(worth, diagnostics=warnings_first(found))
+
+
+def _beside_ours(worth: Worth, own: Calibration, rows: Observations) -> Worth:
+    """How far the matrix is from ours, as it was read and as it explains the rows."""
+    ways = misread(worth.existing, rows, own, worth.own_quantities)
+    apart = difference(worth.existing, own, own.area_px, "ours")
+    if len(ways) == 1:
+        apart = replace(apart, reread=difference(ways[0].of(worth.existing), own, own.area_px, "ours"))
+    return replace(worth, difference=apart, rereadings=tuple(ways))
+
+
+def _findings(worth: Worth, rows: Observations) -> Iterator[Diagnostic]:
+    """What rows, its own numbers and the scanner say of a matrix, which is meant as it is right."""
+    if worth.rereadings:
+        yield misread_finding(worth.existing, rows, worth.rereadings, worth.own_quantities[0])
+    else:
+        yield from worse_than_ours(worth.existing, worth.quantities, worth.own_quantities, worth.difference)
+    meant = worth.reread or worth.existing
+    if worth.reread is not None or not worth.rereadings:
+        yield from matrix_findings(meant, rows.dimension)
+    yield from against_scanner(meant, worth.said)
 
 
 def worth_on_points(existing: Existing, sightings: PointSightings) -> Worth:
@@ -167,29 +180,32 @@ def worth_on_points(existing: Existing, sightings: PointSightings) -> Worth:
     Raises:
         InputError: the points have neither.
     """
-    found = []
-    if sightings.points_mm is not None:
-        found.append(reconstruction_accuracy(existing.probe_from_image, sightings))
-    if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
-        found.append(fixed_point_spread(existing.probe_from_image, sightings))
-    if not found:
+    numbers = _on_points(existing, sightings)
+    if not numbers:
         raise InputError(f"{sightings.source}: gives no number; it needs places or poses of its points")
-    findings = matrix_findings(existing, sightings.points_px.shape[1])
-    return Worth(existing, sightings.source, sightings.sha256, tuple(found), diagnostics=findings)
+    ways, finding = misread_on_points(existing, sightings)
+    worth = Worth(existing, sightings.source, sightings.sha256, numbers, rereadings=tuple(ways))
+    told = () if finding is None else (finding,)
+    if (reread := worth.reread) is not None:
+        so = [replace(one, title=f"{one.title}, read so") for one in _on_points(reread, sightings)]
+        worth = replace(worth, reread_quantities=tuple(so))
+    odd = matrix_findings(reread or existing, sightings.points_px.shape[1]) if reread or not ways else ()
+    return replace(worth, diagnostics=warnings_first([*told, *odd]))
+
+
+def _on_points(existing: Existing, sightings: PointSightings) -> tuple[Quantity, ...]:
+    numbers = []
+    if sightings.points_mm is not None:
+        numbers.append(reconstruction_accuracy(existing.probe_from_image, sightings))
+    if sightings.tracker_from_probe is not None and len(sightings) > len(np.unique(sightings.target)):
+        numbers.append(fixed_point_spread(existing.probe_from_image, sightings))
+    return tuple(numbers)
 
 
 def model_like(existing: Existing, dimension: int) -> Model:
     """The model that has as many scales as a matrix: what ours is compared in."""
     unequal = abs(meaning_of(existing.matrix).unequal) > UNEQUAL
     return "anisotropic" if unequal and dimension == 2 else "similarity"
-
-
-class _Numbers:
-    """Quantities of the two."""
-
-    def __init__(self) -> None:
-        self.theirs: list[Quantity] = []
-        self.ours: list[Quantity] = []
 
 
 def _own(
@@ -201,49 +217,3 @@ def _own(
         return calibrate(observations, model=model, test_split=split), None
     except SonocalError as error:
         return None, error
-
-
-def _measure(
-    numbers: list[Quantity],
-    found: Existing | Calibration,
-    rows: Observations,
-    nwires: Sequence[tuple[str, str, str]],
-    *,
-    held_out: bool,
-) -> Iterator[Diagnostic]:
-    """Adds the numbers of one of the two; yields what has no answer."""
-    ours = isinstance(found, Calibration)
-    who = "Ours" if ours else "This matrix"
-    try:
-        if isinstance(found, Calibration) and not held_out:
-            left_out = leave_one_frame_out(found, rows)
-            numbers.append(replace(left_out, title="Ours, one frame left out"))
-        else:
-            numbers.append(_from_lines(found, rows, f"{who}, held-out rows" if held_out else who))
-        if nwires:
-            error = nwire_error(found.probe_from_image, rows, nwires)
-            numbers.append(replace(error, title=f"{who}, {error.title}"))
-    except SonocalError as error:
-        yield Diagnostic(
-            code="not-computed",
-            severity="info",
-            message=f"the error of {'our own calibration' if ours else 'the matrix'} was not computed: {error}",
-            advice="scan more, or name the targets and splits, to have it",
-        )
-
-
-def _from_lines(found: Existing | Calibration, rows: Observations, title: str) -> Quantity:
-    return rms_quantity(
-        "held-out",
-        title,
-        "distance of a mapped image point to its line, rms",
-        line_distances(found.probe_from_image, rows),
-        independent_units(found.probe_from_image, rows),
-    )
-
-
-def _area(rows: Observations, own: Calibration | None) -> Array:
-    """(2, d): the image where its size is known, else what was seen of it."""
-    if own is not None:
-        return own.area_px
-    return np.array([rows.points_px.min(axis=0), rows.points_px.max(axis=0)])

@@ -71,7 +71,7 @@ def not_calibrated(error: SonocalError) -> Diagnostic:
 def ratios_to(scales: Array, said: Said) -> str:
     """How far mm/px are from what is said, in words."""
     ratios = scales[:2] / np.broadcast_to(said.mm_per_px[:2], (2,)) - 1.0
-    return f"{100 * ratios[0]:+.1f} % along u and {100 * ratios[1]:+.1f} % along v"
+    return f"{100 * ratios[0]:+z.1f} % along u and {100 * ratios[1]:+z.1f} % along v"
 
 
 def with_interval(quantity: Quantity) -> str:

@@ -354,11 +354,11 @@ class Observations:
         return array
 
     def _check_spanning(self, spanning_mm: Array) -> None:
-        if (wrong := wrong_span(spanning_mm)) is not None:
-            raise InputError(f"{self.where(wrong[0])}: {wrong[1]}")
         third = spanning_mm[:, 2]
         if (row := _first(np.any(np.abs(third) >= FURTHEST, axis=1))) is not None:
             raise InputError(f"{self.where(row)}: its third point is further than {FURTHEST:g} away")
+        if (wrong := wrong_span(spanning_mm)) is not None:
+            raise InputError(f"{self.where(wrong[0])}: {wrong[1]}")
 
     def _duplicate(self) -> tuple[int, int] | None:
         numbers = np.column_stack([self.points_px, self.segments_mm.reshape(-1, 6), self.sightings])

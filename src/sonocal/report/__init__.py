@@ -13,13 +13,14 @@ from sonocal.report.figures import (
 from sonocal.report.page import report_html
 from sonocal.report.pictures import FrameImage, plot_frame
 from sonocal.report.session import Report
-from sonocal.report.views3d import plot_frames, plot_needles, plot_weak_motion
+from sonocal.report.views3d import plot_frames, plot_matrix, plot_needles, plot_weak_motion
 
 __all__ = [
     "FrameImage",
     "Report",
     "plot_frame",
     "plot_frames",
+    "plot_matrix",
     "plot_needles",
     "plot_predicted_error",
     "plot_residuals_by_frame",

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import io
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 
@@ -21,11 +18,15 @@ from sonocal.report import figures, views3d
 from sonocal.report.page_file import page_summary
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import RC
+from sonocal.report.svg import figure_svg
 from sonocal.report.templates import filled, now
 from sonocal.validation import CANNOT_SHOW, Comparison, Validation, cannot_show, give_verdict
 from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["report_html"]
+
+# A title, the names of the numbers (mm), a place in px and the numbers there, sentences.
+Difference = tuple[str, Sequence[str], Sequence[tuple[str, Sequence[str]]], Sequence[str]]
 
 
 def report_html(
@@ -34,6 +35,8 @@ def report_html(
     validation: Validation | None = None,
     *,
     comparison: Comparison | None = None,
+    other: str = "",
+    differences: Sequence[Difference] = (),
     frames: Sequence[FrameImage] = (),
     title: str = "Probe calibration",
 ) -> bytes:
@@ -44,6 +47,8 @@ def report_html(
         observations: the rows it was fitted to, and held-out ones; without them there are no residual figures.
         validation: its numbers.
         comparison: with another calibration.
+        other: what that one is called, such as its file.
+        differences: from matrices of other software.
         frames: images to show, with detections and needles.
         title: of the page.
 
@@ -70,6 +75,8 @@ def report_html(
         cal=calibration,
         validation=validation,
         comparison=comparison,
+        other=other,
+        differences=differences,
         errors=_errors(calibration),
         standing=(CANNOT_SHOW, cannot_show(calibration)),
         reasons=list(zip(verdict.codes, verdict.reasons, strict=True)),
@@ -99,53 +106,29 @@ def _drawn(calibration: Calibration, observations: Observations | None) -> dict[
         given = fitted_rows(calibration, observations)
         held = fitted_and_held_out(calibration, observations)[1]
         shown, unseen = (observations, None) if given is None else (given, held)
-    drawn = {"frames": _svg("frames", (4.6, 4.2), lambda a: views3d.plot_frames(a, calibration), "3d")}
+    drawn = {"frames": figure_svg("frames", (4.6, 4.2), lambda a: views3d.plot_frames(a, calibration), "3d")}
     if calibration.covariance is not None:
-        drawn["predicted"] = _svg(
+        drawn["predicted"] = figure_svg(
             "predicted", map_size, lambda a: figures.plot_predicted_error(a, calibration, shown)
         )
-        drawn["weak"] = _svg("weak", (4.6, 4.2), lambda a: views3d.plot_weak_motion(a, calibration), "3d")
+        drawn["weak"] = figure_svg(
+            "weak", (4.6, 4.2), lambda a: views3d.plot_weak_motion(a, calibration), "3d"
+        )
     if shown is not None:
         rows = shown
-        drawn["residuals"] = _svg(
+        drawn["residuals"] = figure_svg(
             "residuals", map_size, lambda a: figures.plot_residuals_over_image(a, calibration, rows)
         )
-        drawn["by_frame"] = _svg(
+        drawn["by_frame"] = figure_svg(
             "by_frame", (7.6, 2.4), lambda a: figures.plot_residuals_by_frame(a, calibration, rows, unseen)
         )
-        drawn["needles"] = _svg(
+        drawn["needles"] = figure_svg(
             "needles", (4.6, 4.2), lambda a: views3d.plot_needles(a, calibration, rows), "3d"
         )
-        drawn["tilts"] = _svg(
+        drawn["tilts"] = figure_svg(
             "tilts", (4.6, 4.2), lambda a: figures.plot_tilts(a, calibration, rows), "polar"
         )
     return drawn
-
-
-def _svg(
-    name: str, size: tuple[float, float], draw: Callable[[Any], None], projection: str | None = None
-) -> str:
-    """A figure as an SVG element whose ids are its own in the page."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    # Fixed margins: the automatic layout draws everything twice.
-    width, height = size
-    left, bottom = (0.08 * width, 0.08 * height) if projection else (0.6, 0.45)
-    # The names of a polar axis's directions stand between it and its title.
-    top = 0.7 if projection == "polar" else 0.35
-    figure = Figure(figsize=size)
-    FigureCanvasSVG(figure)
-    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + top) / height)
-    draw(figure.add_axes(box, projection=projection))
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    for before in (' id="', "url(#", 'xlink:href="#', ' href="#'):
-        text = text.replace(before, f"{before}{name}-")
-    return text.replace("<svg", '<svg role="img"', 1)
 
 
 def _errors(calibration: Calibration) -> list[tuple[str, str, float, float]]:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from sonocal.calibration import Calibration
 from sonocal.errors import UnsupportedError, require
-from sonocal.geometry import Array, area_places, homogeneous_points, segment_directions
+from sonocal.geometry import (
+    Array,
+    AxisScaled,
+    Similarity,
+    area_places,
+    homogeneous_points,
+    segment_directions,
+)
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import point_jacobian, weakest_motion
 from sonocal.report.style import AXES, FAINT, FITTED, HELD_OUT, INK
@@ -16,7 +23,7 @@ from sonocal.report.style import AXES, FAINT, FITTED, HELD_OUT, INK
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
-__all__ = ["plot_frames", "plot_needles", "plot_weak_motion"]
+__all__ = ["plot_frames", "plot_matrix", "plot_needles", "plot_weak_motion"]
 
 MOST_NEEDLES = 120
 
@@ -25,15 +32,35 @@ def plot_frames(axis: Axes3D, calibration: Calibration) -> None:
     """The marker's axes and the image where the calibration puts it: what the matrix means."""
     require("calibration", calibration, Calibration)
     edge = _image_edge(calibration)
-    size = float(np.ptp(np.vstack([edge, np.zeros(3)]), axis=0).max())
-    for direction, colour, name in zip(np.eye(3), AXES, "xyz", strict=True):
-        axis.plot(*np.stack([np.zeros(3), 0.25 * size * direction]).T, color=colour, linewidth=2)
-        axis.text(*(0.3 * size * direction), name, color=colour)
-    axis.text(0, 0, -0.08 * size, "marker", ha="center")
     _draw_image(axis, calibration, FITTED)
-    origin = calibration.probe_from_image @ np.zeros(calibration.dimension)
-    axis.plot(*np.stack([np.zeros(3), origin]).T, color=FAINT, linewidth=1, linestyle=":")
-    _finish(axis, np.vstack([edge, np.zeros(3), 0.3 * size * np.eye(3)]))
+    _draw_marker(axis, calibration, edge)
+    axis.set_title("The matrix drawn: marker and image")
+
+
+def plot_matrix(
+    axis: Axes3D,
+    probe_from_image: AxisScaled | Similarity,
+    area_px: Array,
+    ours: Calibration | None = None,
+) -> None:
+    """The marker's axes and the image where a matrix of other software puts it, and where ours does.
+
+    Args:
+        axis: to draw on.
+        probe_from_image: of the matrix.
+        area_px: (2, d): of the image.
+        ours: our own calibration, dashed.
+    """
+    theirs = _Placed(probe_from_image, area_px)
+    edge = _image_edge(theirs)
+    if ours is not None:
+        outline = _image_edge(ours)
+        # Broad, so that it shows where the two lie on one another.
+        axis.plot(*outline.T, color=HELD_OUT, linewidth=3.5, linestyle="--", label="our own calibration")
+        edge = np.vstack([edge, outline])
+    _draw_image(axis, theirs, FITTED, "this matrix")
+    _draw_marker(axis, theirs, edge)
+    axis.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0)
     axis.set_title("The matrix drawn: marker and image")
 
 
@@ -84,7 +111,30 @@ def plot_weak_motion(axis: Axes3D, calibration: Calibration) -> None:
     axis.set_title(f"Loosest motion, {enlarged:.0f} times enlarged")
 
 
-def _edge_px(calibration: Calibration) -> Array:
+def _draw_marker(axis: Axes3D, placed: Calibration | _Placed, edge: Array) -> None:
+    """The marker's axes, as long as suits what is drawn, and a line from it to the first pixel."""
+    size = float(np.ptp(np.vstack([edge, np.zeros(3)]), axis=0).max())
+    for direction, colour, name in zip(np.eye(3), AXES, "xyz", strict=True):
+        axis.plot(*np.stack([np.zeros(3), 0.25 * size * direction]).T, color=colour, linewidth=2)
+        axis.text(*(0.3 * size * direction), name, color=colour)
+    axis.text(0, 0, -0.08 * size, "marker", ha="center")
+    origin = placed.probe_from_image @ np.zeros(placed.dimension)
+    axis.plot(*np.stack([np.zeros(3), origin]).T, color=FAINT, linewidth=1, linestyle=":")
+    _finish(axis, np.vstack([edge, np.zeros(3), 0.3 * size * np.eye(3)]))
+
+
+class _Placed(NamedTuple):
+    """An area of the image where a matrix puts it: what is drawn of a calibration."""
+
+    probe_from_image: AxisScaled | Similarity
+    area_px: Array
+
+    @property
+    def dimension(self) -> int:
+        return int(self.area_px.shape[1])
+
+
+def _edge_px(calibration: Calibration | _Placed) -> Array:
     """The outline of the image (of a 3D probe: of its first and last slice), a closed path, px."""
     low, high = calibration.area_px
     square = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]), (low[0], low[1])]
@@ -92,14 +142,14 @@ def _edge_px(calibration: Calibration) -> Array:
     return np.array([(u, v, w) for w in depths for u, v in square])
 
 
-def _image_edge(calibration: Calibration) -> Array:
+def _image_edge(calibration: Calibration | _Placed) -> Array:
     return np.asarray(calibration.probe_from_image @ _edge_px(calibration))
 
 
-def _draw_image(axis: Axes3D, calibration: Calibration, colour: str) -> None:
+def _draw_image(axis: Axes3D, calibration: Calibration | _Placed, colour: str, label: str = "") -> None:
     path = _edge_px(calibration)
     edge = np.asarray(calibration.probe_from_image @ path)
-    axis.plot(*edge.T, color=colour, linewidth=1.2)
+    axis.plot(*edge.T, color=colour, linewidth=1.2, **({"label": label} if label else {}))
     if len(path) > 5:
         for i in range(1, 4):
             axis.plot(*edge[[i, i + 5]].T, color=colour, linewidth=1.2)

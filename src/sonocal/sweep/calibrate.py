@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from sonocal.recording import Recording, health, stated_scale
 from sonocal.recording.health import Progress
 from sonocal.setup_checks.scale import scale_deviation, scale_doubt
 from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
+from sonocal.sweep.mixed import calibrate_targets
 from sonocal.sweep.options import (
     Keywords,
     Options,
@@ -42,7 +43,7 @@ from sonocal.sweep.pose_errors import with_pose_errors
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
-from sonocal.targets import Line, require_lines
+from sonocal.targets import Line, Plane, Point, Target, require_lines
 
 __all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
 
@@ -186,13 +187,13 @@ def no_candidates(name: str, images: int) -> NoConsensusError:
 
 
 def calibrate_points(
-    recording: Recording, lines: Sequence[Line], detections: Detections, **options: Unpack[PointsKeywords]
+    recording: Recording, lines: Sequence[Target], detections: Detections, **options: Unpack[PointsKeywords]
 ) -> tuple[Calibration, Observations]:
     """Calibrate a probe from a recording and points that were found in its images by other means.
 
     Args:
         recording: poses, with any latency undone, and images that need not be decoded.
-        lines: the needles and wires, see `read_lines`.
+        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`.
         detections: the points, see `read_detections`.
         **options: any of those of `sonocal.calibrate`, and `probe`, `fixed` and `on_invalid` of `calibrate_recording`.
 
@@ -205,23 +206,35 @@ def calibrate_points(
         DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
     """
     require("recording", recording, Recording)
-    require_lines(lines)
     require("detections", detections, Detections)
     asked = PointsOptions.for_recording(recording, **options)
-    if len(lines) > 1 and (detections.target == "").any():
+    if not _lines_alone(lines, detections):
+        return calibrate_targets(recording, lines, detections, asked)
+    known: list[Any] = [line for line in lines if not isinstance(line, (Plane, Point))]
+    require_lines(known)
+    if len(known) > 1 and (detections.target == "").any():
         raise InputError(
-            f"{detections.source}: target '' is none of the lines {', '.join(line.name for line in lines)[:200]}; "
+            f"{detections.source}: target '' is none of the lines {', '.join(line.name for line in known)[:200]}; "
             "name one"
         )
-    sightings = tabulate(recording, lines, detections, asked.posing)
-    suspects = _suspects(recording, lines, detections, asked)
+    sightings = tabulate(recording, known, detections, asked.posing)
+    suspects = _suspects(recording, known, detections, asked)
     with suspects.explaining():
         found = calibrate(sightings.observations, **of_calibrate(asked))
     found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
         sightings.diagnostics
     )
     found = with_pose_errors(found, sightings.observations, recording, asked.posing)
-    return _as_recorded(found, recording, lines, asked.probe), sightings.observations
+    return _as_recorded(found, recording, known, asked.probe), sightings.observations
+
+
+def _lines_alone(targets: object, detections: Detections) -> bool:
+    """Whether points are of lines alone: a needle's file may hold its tip, too."""
+    require("lines", targets, Sequence, "points, lines and planes")
+    assert isinstance(targets, Sequence)
+    others = {one.name for one in targets if isinstance(one, (Plane, Point))}
+    named = {*detections.target.tolist()} - {""}
+    return not others & named and (len(others) < len(targets) or not others)
 
 
 def _suspects(

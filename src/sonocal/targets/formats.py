@@ -11,9 +11,9 @@ from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.files.kinds import Format, Head, recognise
 from sonocal.geometry import Array
 from sonocal.targets import device_set, toml_file
-from sonocal.targets.lines import Line
+from sonocal.targets.lines import Line, Target, check_lines
 
-__all__ = ["FORMATS", "read_lines"]
+__all__ = ["FORMATS", "read_lines", "read_targets_and_fixed"]
 
 FORMATS: tuple[Format, ...] = (toml_file.FORMAT, device_set.FORMAT)
 
@@ -37,3 +37,23 @@ def read_lines(path: str | Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, s
             f"{path.name}: describes no phantom wires; name a device set with a PhantomDefinition"
         )
     return devices.wires, devices.transforms
+
+
+def read_targets_and_fixed(
+    path: str | Path,
+) -> tuple[tuple[Target, ...], Mapping[tuple[str, str], Array]]:
+    """Points, lines and planes from a ``.toml``, or wires from a PLUS device set.
+
+    Returns:
+        The targets, and the constant transforms that come with them (none with a ``.toml``).
+
+    Raises:
+        InputError: the file holds no target, or two of one name.
+    """
+    path = path_of(path)
+    if recognise(Head.of(path), FORMATS) is device_set.FORMAT:
+        return read_lines(path)
+    found = toml_file.read_targets(path)
+    targets: tuple[Target, ...] = (*found.lines, *found.points, *found.planes)
+    check_lines(path.name, targets, "targets")
+    return targets, {}

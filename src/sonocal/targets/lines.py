@@ -1,4 +1,4 @@
-"""Straight things whose place is known, and points of tools."""
+"""Straight things whose place is known: points, lines, planes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from sonocal.errors import WORDS, InputError, require
 from sonocal.geometry import Array, frozen, real_array
 from sonocal.geometry.shown import brief
 
-__all__ = ["Line", "Point", "check_lines", "require_lines"]
+__all__ = ["Line", "Plane", "Point", "Target", "check_lines", "require_lines"]
+
+# Of a plane's two sides: a triangle that is flatter than this is none.
+FLAT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +43,15 @@ class Line:
             raise InputError(f"line {self.name!r}: has zero length; give two different points of it")
         object.__setattr__(self, "segment_mm", segment)
 
+    @property
+    def spanning_mm(self) -> Array:
+        """(2, 3): its ends."""
+        return self.segment_mm
+
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of something tracked, such as the tip of a stylus.
+    """A point of something tracked, such as the tip of a stylus, a bead or a cross-wire.
 
     Attributes:
         name: such as "tip".
@@ -64,6 +72,46 @@ class Point:
             raise InputError(f"point {self.name!r}: needs a place of three finite numbers, mm")
         object.__setattr__(self, "place_mm", place)
 
+    @property
+    def spanning_mm(self) -> Array:
+        """(1, 3): itself."""
+        return self.place_mm[None]
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane in the frame of something tracked: a wall, a floor, a sheet.
+
+    Attributes:
+        name: what detections call it.
+        frame: in whose frame its points are, such as "Tracker".
+        points_mm: (3, 3): three points of it, near where it is seen: what they are off by, it is off by there.
+    """
+
+    name: str
+    frame: str
+    points_mm: Array
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        _check_names("plane", self, "its points are in")
+        points = frozen(np.array(real_array(f"plane {self.name!r}: its points", self.points_mm)))
+        if points.shape != (3, 3) or not np.isfinite(points).all():
+            raise InputError(f"plane {self.name!r}: needs three points of three finite numbers, mm")
+        along, aside = points[1] - points[0], points[2] - points[0]
+        if not np.linalg.norm(np.cross(along, aside)) > FLAT * np.linalg.norm(along) * np.linalg.norm(aside):
+            raise InputError(f"plane {self.name!r}: has three points on one line; give three that span it")
+        object.__setattr__(self, "points_mm", points)
+
+    @property
+    def spanning_mm(self) -> Array:
+        """(3, 3): its points."""
+        return self.points_mm
+
+
+Target = Line | Plane | Point
+
 
 def require_lines(lines: object) -> None:
     """Refuse what is no sequence of lines.
@@ -82,16 +130,16 @@ def require_lines(lines: object) -> None:
         require("lines", line, Line)
 
 
-def check_lines(name: str, lines: Sequence[Line]) -> None:
-    """Refuse two lines of one name, which no detection could tell apart."""
+def check_lines(name: str, lines: Sequence[Target], what: str = "lines") -> None:
+    """Refuse two lines, or other targets, of one name, which no detection could tell apart."""
     seen: set[str] = set()
     for line in lines:
         if line.name in seen:
-            raise InputError(f"{name}: two lines are called {line.name!r}; give each its own name")
+            raise InputError(f"{name}: two {what} are called {line.name!r}; give each its own name")
         seen.add(line.name)
 
 
-def _check_names(kind: str, target: Line | Point, where: str) -> None:
+def _check_names(kind: str, target: Target, where: str) -> None:
     for text in (target.name, target.frame):
         require(f"name and frame of a {kind}", text, str, "text")
     if not target.name or not target.frame:

@@ -1,4 +1,4 @@
-"""Needles, wires and points of tools in their own file (``.toml``).
+"""Needles, wires, planes and points in their own file (``.toml``).
 
 [[line]]
 name = "needle"
@@ -10,6 +10,11 @@ to_mm = [0.0, 0.0, -333.0]
 name = "tip"
 frame = "Stylus"
 at_mm = [0.0, 0.0, -150.0]
+
+[[plane]]
+name = "floor"
+frame = "Tracker"           # fixed in the room
+through_mm = [[0.0, 0.0, 0.0], [200.0, 0.0, 0.0], [0.0, 200.0, 0.0]]    # or point_mm = [...] and normal = [...]
 """
 
 from __future__ import annotations
@@ -31,7 +36,7 @@ from sonocal.files.kinds import Format, Head
 from sonocal.files.toml import read_toml_text
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
-from sonocal.targets.lines import Line, Point, check_lines, require_lines
+from sonocal.targets.lines import Line, Plane, Point, Target, check_lines, require_lines
 
 __all__ = [
     "FORMAT",
@@ -45,7 +50,10 @@ __all__ = [
 
 KEYS = ("name", "frame", "from_mm", "to_mm")
 POINT_KEYS = ("name", "frame", "at_mm")
-TABLE = re.compile(rb"^[ \t]*\[\[[ \t]*(line|point)[ \t]*\]\]", re.MULTILINE)
+PLANE_KEYS, NORMAL_KEYS = ("name", "frame", "through_mm"), ("name", "frame", "point_mm", "normal")
+# Of a plane by a point and its normal: its three points lie so far about that point, mm.
+REACH_MM = 100.0
+TABLE = re.compile(rb"^[ \t]*\[\[[ \t]*(line|point|plane)[ \t]*\]\]", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,26 +62,29 @@ class Targets:
 
     Attributes:
         lines: needles and wires.
-        points: of tools.
+        points: of tools, and others.
+        planes: walls and floors.
     """
 
     lines: tuple[Line, ...]
     points: tuple[Point, ...] = ()
+    planes: tuple[Plane, ...] = ()
 
     __repr__ = brief
 
 
 def read_targets(path: str | Path) -> Targets:
-    """Read needles, wires and points of tools.
+    """Read needles, wires, planes and points.
 
     Raises:
         FormatError: the file is not TOML.
-        InputError: a table lacks something, a name stands twice, or there is neither a line nor a point.
+        InputError: a table lacks something, a name stands twice, or there is no line, point or plane.
     """
     path = path_of(path)
     document = _document(path)
-    points = _points(path.name, document)
-    return Targets(() if points and "line" not in document else _lines(path.name, document), points)
+    points, planes = _points(path.name, document), _planes(path.name, document)
+    no_lines = (points or planes) and "line" not in document
+    return Targets(() if no_lines else _lines(path.name, document), points, planes)
 
 
 def read_lines_toml(path: str | Path) -> tuple[Line, ...]:
@@ -105,12 +116,17 @@ def write_lines(lines: Sequence[Line], path: str | Path) -> None:
 
 
 def lines_toml(
-    name: str, lines: Sequence[Line], points: Sequence[Point] = (), remarks: Sequence[str] = ()
+    name: str,
+    lines: Sequence[Line],
+    points: Sequence[Point] = (),
+    remarks: Sequence[str] = (),
+    planes: Sequence[Plane] = (),
 ) -> bytes:
-    """Needles, wires and points as the text of their file, with remarks (of one line each) above them."""
+    """Needles, wires, points and planes as the text of their file, with remarks (of one line each) above them."""
     check_lines(name, lines)
     head = ["".join(f"# {remark}\n" for remark in remarks)] if remarks else []
-    return "\n".join([*head, *map(_table, lines), *map(_point_table, points)]).encode()
+    tables = [*map(_table, lines), *map(_point_table, points), *map(_plane_table, planes)]
+    return "\n".join([*head, *tables]).encode()
 
 
 def _lines(name: str, document: dict[str, Any]) -> tuple[Line, ...]:
@@ -142,9 +158,33 @@ def _point(name: str, number: int, table: dict[str, Any]) -> Point:
         return Point(table["name"], table["frame"], place)
 
 
+def _planes(name: str, document: dict[str, Any]) -> tuple[Plane, ...]:
+    planes = tuple(_plane(name, i, table) for i, table in enumerate(_tables(name, document, "plane"), 1))
+    check_lines(name, planes, "planes")
+    return planes
+
+
+def _plane(name: str, number: int, table: dict[str, Any]) -> Plane:
+    where, by_normal = f"{name}, plane table {number}", "normal" in table or "point_mm" in table
+    _check_keys(where, table, NORMAL_KEYS if by_normal else PLANE_KEYS)
+    if by_normal:
+        at, normal = (np.array(list(_numbers(where, key, table[key]))) for key in ("point_mm", "normal"))
+        if not np.any(normal):
+            raise InputError(f"{where}: normal is (0, 0, 0); give the direction at right angles to the plane")
+        across = np.linalg.svd(normal[None])[2][1:]
+        corners = 2 * np.pi / 3 * np.arange(3)
+        through = at + REACH_MM * np.column_stack([np.cos(corners), np.sin(corners)]) @ across
+    else:
+        rows = table["through_mm"]
+        three = rows if isinstance(rows, list) and len(rows) == 3 else [rows] * 3
+        through = np.array([list(_numbers(where, "each of through_mm", row)) for row in three])
+    with _naming(name):
+        return Plane(table["name"], table["frame"], through)
+
+
 @contextmanager
 def _naming(name: str) -> Iterator[None]:
-    """Put the file's name before what is wrong with a line or point."""
+    """Put the file's name before what is wrong with a target."""
     try:
         yield
     except InputError as error:
@@ -193,7 +233,12 @@ def _point_table(point: Point) -> str:
     return f"[[point]]\n{_names(point)}at_mm = {_array(point.place_mm)}\n"
 
 
-def _names(thing: Line | Point) -> str:
+def _plane_table(plane: Plane) -> str:
+    points = ", ".join(_array(point) for point in plane.points_mm)
+    return f"[[plane]]\n{_names(plane)}through_mm = [{points}]\n"
+
+
+def _names(thing: Target) -> str:
     # A JSON string is a TOML string, once the one control character that JSON leaves alone is escaped.
     name, frame = (
         json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f") for text in (thing.name, thing.frame)
@@ -206,7 +251,7 @@ def _array(place: Array) -> str:
 
 
 def _write(targets: Targets, path: Path) -> None:
-    write_atomically(path, lines_toml(path.name, targets.lines, targets.points))
+    write_atomically(path, lines_toml(path.name, targets.lines, targets.points, planes=targets.planes))
 
 
 def _sniff(head: Head) -> bool:
@@ -214,12 +259,12 @@ def _sniff(head: Head) -> bool:
 
 
 FORMAT = Format(
-    name="needles, wires, points of tools",
+    name="needles, wires, points, planes",
     kind="targets",
     suffixes=(".toml",),
     sniff=_sniff,
     read=read_targets,
-    holds="segments and points in the frames of what is tracked",
+    holds="segments, points and planes in the frames of what is tracked",
     write=_write,
     writes=(".toml",),
 )

@@ -1,6 +1,7 @@
 """ROS bags, written by rosbags and read equal."""
 
 import io
+import re
 import shutil
 import sqlite3
 import struct
@@ -417,3 +418,31 @@ def _record_start(content):
         if following == len(content):
             return position
         position = following
+
+
+# Of the bag of `small_sweep`: the numbers that rosbags gives its topics.
+STILL, MOVING, IMAGES = 0, 1, 2
+
+
+@pytest.mark.parametrize(("listed", "under"), [(IMAGES, STILL), (IMAGES, MOVING), (STILL, IMAGES)])
+def test_an_index_that_lists_messages_under_another_topic_ends_in_a_sentence(tmp_path, listed, under):
+    messages = messages_for("1")
+    content = write_bag(tmp_path / "a.bag", "1", messages, small_sweep(messages)).read_bytes()
+    head = rb"(op=\x04\x08\0\0\0ver=\x01\0\0\0\x09\0\0\0conn=)"
+    (tmp_path / "b.bag").write_bytes(re.sub(head + bytes([listed]), rb"\g<1>" + bytes([under]), content))
+    found = sentence(tmp_path / "b.bag", FormatError)
+    assert found.startswith("b.bag")
+    assert found.endswith(": /us holds messages of two types; it is damaged, copy it again")
+
+
+def test_images_that_are_not_where_the_summary_says_end_in_a_sentence(tmp_path):
+    """The statistics count them, and the index of the chunk, by which they are sought, names another channel."""
+    messages = messages_for("mcap")
+    content = write_bag(tmp_path / "a", "mcap file", messages, small_sweep(messages)).read_bytes()
+    offsets = rb"(\x1e\0\0\0\x01\0.{8}\x02\0.{8})\x03\0"
+    # The statistics, which are laid out alike, come after it.
+    damaged = re.sub(offsets, rb"\g<1>" + b"\x02\0", content, count=1, flags=re.DOTALL)
+    (tmp_path / "b.mcap").write_bytes(damaged)
+    assert sentence(tmp_path / "b.mcap", FormatError) == (
+        "b.mcap: the images of /us are not where it says; copy it again"
+    )

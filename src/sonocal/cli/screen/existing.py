@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -21,7 +22,9 @@ from sonocal.geometry import Array, Similarity
 from sonocal.validation import CANNOT_SHOW, Quantity, give_verdict
 
 __all__ = [
-    "difference_sentence",
+    "OWN",
+    "Section",
+    "difference_section",
     "existing_record",
     "meaning_sentences",
     "print_difference",
@@ -32,6 +35,7 @@ __all__ = [
     "tip_sentences",
 ]
 
+OWN = "Against our own calibration of the same rows"
 # Of a rotation's entries: a tip that PLUS wrote may be turned, so that its x axis lies along the shaft.
 UNTURNED = 1e-6
 
@@ -43,8 +47,8 @@ def print_existing(console: Console, existing: Existing, *, numbers: bool = True
     print_findings(console, matrix_findings(existing), "info")
 
 
-def print_worth(console: Console, worth: Worth, apart: Difference | None = None) -> None:
-    """The answer, the numbers, how far from ours, what it means, what cannot be said."""
+def print_worth(console: Console, worth: Worth, against: Mapping[str, Difference]) -> None:
+    """The answer, the numbers, how far from ours and from others, what it means, what cannot be said."""
     console.print(Text(worth.sentence, style="bold"))
     if worth.own is not None:
         console.print(Text("Ours: ").append_text(verdict_text(give_verdict(worth.own))))
@@ -55,15 +59,14 @@ def print_worth(console: Console, worth: Worth, apart: Difference | None = None)
         for title, definition in _definitions(worth):
             console.print(_indented(f"{title}: {definition}."))
         console.print()
-    if worth.difference is not None:  # whose sentence is part of the answer
-        title = "Against our own calibration of the same rows, mm"
-        print_difference(console, worth.difference, title, said_already=True)
+    if worth.difference is not None:  # whose sentence is part of the answer, unless it was misread
+        print_difference(console, worth.difference, OWN, said_already=not worth.rereadings)
     if worth.scale_sentence:
         console.print(Text(worth.scale_sentence))
         console.print()
-    if apart is not None:
-        print_difference(console, apart, "Against the other calibration, mm")
-    console.print(_matrix(worth.existing))
+    for other, apart in against.items():
+        print_difference(console, apart, f"Against {other}")
+    console.print(_matrix(worth.reread or worth.existing, how=", read so" if worth.reread else ""))
     console.print(Text(f"{CANNOT_SHOW}:", style="bold"))
     console.print(_indented(MATRIX_ALONE))
     print_findings(console, worth.diagnostics)
@@ -71,14 +74,13 @@ def print_worth(console: Console, worth: Worth, apart: Difference | None = None)
 
 def print_difference(console: Console, apart: Difference, title: str, *, said_already: bool = False) -> None:
     """How far apart at the corners, turned by how much, with which scales."""
-    known = apart.known_mm is not None
-    table = NumberTable(title, "apart", *((f"{apart.other} known to (95 %, all at once)",) if known else ()))
-    for place, distance, one in apart.rows:
-        table.add_row(f"at {place} px", f"{distance:.2f}", *([] if one is None else [f"{one:.2f}"]))
+    section = difference_section(title, apart)
+    table = NumberTable(f"{title}, mm", *section.columns)
+    for place, numbers in section.rows:
+        table.add_row(f"at {place} px", *numbers)
     console.print(table)
-    if not said_already:
-        console.print(Text(apart.sentence))
-    console.print(Text(difference_sentence(apart)))
+    for sentence in section.sentences[said_already:]:
+        console.print(Text(sentence))
     console.print()
 
 
@@ -125,8 +127,8 @@ def tip_sentences(matrices: Matrices) -> list[str]:
     return said
 
 
-def _matrix(existing: Existing, *, numbers: bool = True) -> RenderableType:
-    title = f"{begun(existing.said)} ({existing.format}): mm in the probe marker's frame from px"
+def _matrix(existing: Existing, *, numbers: bool = True, how: str = "") -> RenderableType:
+    title = f"{begun(existing.said)} ({existing.format}){how}: mm in the probe marker's frame from px"
     return Group(
         Text(title, style="bold"),
         *([MatrixRows(existing.matrix)] if numbers else []),
@@ -170,11 +172,12 @@ def _numbers(worth: Worth) -> NumberTable:
 
 
 def quantities_in_turn(worth: Worth) -> list[Quantity]:
-    """Each number of the matrix, and ours below it."""
+    """Each number of the matrix, of the same read so where it was misread, and ours below it."""
     rest = list(worth.own_quantities)
+    read_so = list(worth.reread_quantities)
     both = []
     for i, one in enumerate(worth.quantities):
-        both += [one, *rest[i : i + 1]]
+        both += [one, *read_so[i : i + 1], *rest[i : i + 1]]
     return [*both, *rest[len(worth.quantities) :]]
 
 
@@ -184,8 +187,40 @@ def _definitions(worth: Worth) -> list[tuple[str, str]]:
     return [(title, definition) for definition, title in reversed(known.items())]
 
 
-def difference_sentence(apart: Difference) -> str:
-    """How two matrices differ in rotation and scales."""
+class Section(NamedTuple):
+    """What is shown of a difference, in the terminal and on a page.
+
+    Attributes:
+        title: of the table.
+        columns: of its numbers, all in mm.
+        rows: a place, px, and the numbers there.
+        sentences: how far apart, then how turned and scaled.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str, list[str]]]
+    sentences: list[str]
+
+
+def difference_section(title: str, apart: Difference) -> Section:
+    """How far apart two matrices are: of one that was misread as it was read, too, and in words only read so."""
+    meant = apart.reread or apart
+    columns, numbers = ["apart"], [[distance] for _, distance, _ in apart.rows]
+    sentence = meant.sentence
+    if apart.reread is not None:
+        because = f"{begun(apart.because)}. " if apart.because else ""
+        columns = ["apart as read", "read so"]
+        sentence = f"{because}Read so, {sentence[0].lower()}{sentence[1:]}"
+        numbers = [[*row, distance] for row, (_, distance, _) in zip(numbers, meant.rows, strict=True)]
+    if meant.known_mm is not None:
+        columns.append(f"{apart.other} known to (95 %, all at once)")
+        numbers = [[*row, known] for row, known in zip(numbers, meant.known_mm.tolist(), strict=True)]
+    rows = [(place, [f"{x:.2f}" for x in row]) for (place, *_), row in zip(meant.rows, numbers, strict=True)]
+    return Section(title, tuple(columns), rows, [sentence, _turned_and_scaled(meant)])
+
+
+def _turned_and_scaled(apart: Difference) -> str:
     parts = [
         f"{mine:.5f} against {other:.5f} mm/px along {axis} ({100 * ratio:+.2f} %)"
         for axis, mine, other, ratio in zip(

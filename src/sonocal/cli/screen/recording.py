@@ -22,6 +22,7 @@ from sonocal.recording import (
 from sonocal.targets import (
     DeviceSet,
     Line,
+    Plane,
     Point,
 )
 from sonocal.tools import (
@@ -30,7 +31,15 @@ from sonocal.tools import (
     ToolCalibration,
 )
 
-__all__ = ["print_device_set", "print_lines", "print_points", "print_recording", "print_tips", "print_tool"]
+__all__ = [
+    "print_device_set",
+    "print_lines",
+    "print_planes",
+    "print_points",
+    "print_recording",
+    "print_tips",
+    "print_tool",
+]
 
 
 def print_recording(console: Console, summary: Summary) -> None:
@@ -66,10 +75,18 @@ def print_lines(console: Console, title: str, lines: Sequence[Line]) -> None:
 
 
 def print_tips(console: Console, title: str, points: Sequence[Point]) -> None:
-    """Points of tools."""
+    """Points of tools, beads, cross-wires."""
     table = NumberTable(title, "frame", "at, mm", first="name")
     for point in points:
         table.add_row(point.name, point.frame, _place(point.place_mm))
+    console.print(table)
+
+
+def print_planes(console: Console, title: str, planes: Sequence[Plane]) -> None:
+    """Walls and floors."""
+    table = NumberTable(title, "frame", "through, mm", "and", "and", first="name")
+    for plane in planes:
+        table.add_row(plane.name, plane.frame, *map(_place, plane.points_mm))
     console.print(table)
 
 

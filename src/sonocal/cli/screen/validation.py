@@ -23,7 +23,11 @@ __all__ = ["print_point_sightings", "print_validation"]
 
 
 def print_validation(
-    console: Console, calibration: Calibration, validation: Validation, comparison: Comparison | None = None
+    console: Console,
+    calibration: Calibration,
+    validation: Validation,
+    comparison: Comparison | None = None,
+    other: str = "the other calibration",
 ) -> None:
     """Warnings, verdict, numbers, comparison, findings."""
     findings = [*calibration.diagnostics, *validation.diagnostics]
@@ -37,7 +41,7 @@ def print_validation(
             console.print(_definition(quantity))
     if comparison is not None:
         console.print()
-        console.print(_comparison(comparison))
+        console.print(_comparison(comparison, other))
     console.print(standing(calibration))
     print_findings(console, findings, "info")
 
@@ -67,8 +71,8 @@ def _definition(quantity: Quantity) -> RenderableType:
     return Padding(Text(f"{quantity.title}: {quantity.definition}."), (0, 0, 0, 2), expand=False)
 
 
-def _comparison(comparison: Comparison) -> RenderableType:
-    table = NumberTable("Against the other calibration, mm", "apart", "uncertainty allows (95 %)")
+def _comparison(comparison: Comparison, other: str) -> RenderableType:
+    table = NumberTable(f"Against {other}, mm", "apart", "uncertainty allows (95 %)")
     for place, distance, allowed in comparison.rows:
         table.add_row(f"at {place} px", f"{distance:.2f}", f"{allowed:.2f}")
     shared = (
