@@ -22,7 +22,8 @@ class Trial:
         self.python = python
         self.folder = WORK / "run" / f"{python.target}-{python.version[1]}"
         shutil.rmtree(self.folder, ignore_errors=True)
-        self.site = self.folder / "site"
+        # Hypothesis reads the source of all modules that lie in folders of another name.
+        self.site = self.folder / "site-packages"
         _install(wheel, python, self.site)
 
     def run(self, *arguments: str, cwd: Path | None = None) -> str:
