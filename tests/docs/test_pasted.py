@@ -34,8 +34,8 @@ INSTEAD = {
 }
 # Commands that no test runs, and why. What they name must be there all the same.
 NOT_RUN = {
-    "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the pages' sweep is short "
-    "and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
+    "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the page's sweep is "
+    "short and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",
     "python3 -m venv .venv": "makes an environment: scripts/environment.sh does, before any test",
     "source .venv/bin/activate": "changes the reader's shell",

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sonocal import registration as reg
 from sonocal.geometry import Similarity
-from tests.registration.test_register import ENOUGH, correspondences, planes_through, truth
+from tests.builders.correspondences import ENOUGH, correspondences, planes_through, truth
 
 SEEDS = st.integers(0, 2**32 - 1)
 MIXES = [(kind,) for kind in ENOUGH] + [
