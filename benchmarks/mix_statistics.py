@@ -132,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         range(asked.first_seed, asked.first_seed + asked.scenes)
     ):
         print(line, flush=True)
-        lines.append(("mixes", line))
+        lines.append(("mix-statistics", line))
     if asked.write and not asked.exact:
         written(asked.write, lines)
 
