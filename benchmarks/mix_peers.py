@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from benchmarks.simulators.mixes import Array, Mix
+from benchmarks.simulators.mixes import Array, Mix, Part, planes_through
 
 # Directions of measured lines and planes are as good as this, rad.
 DIRECTION_BOUND = 0.02
@@ -45,7 +45,8 @@ class Scene:
     @classmethod
     def of_mix(cls, mix: Mix) -> Scene:
         """Of a part of lines on lines and one of planes on planes."""
-        lines, planes = mix.parts
+        lines, walls = mix.parts
+        planes = Part(walls.kind, planes_through(walls.source), planes_through(walls.target))
         along = [unit(side[:, 1] - side[:, 0]) for side in (lines.source, lines.target)]
         first, second = basis(along[1])
         at_lines = np.stack([first, second], axis=1)

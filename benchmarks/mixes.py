@@ -36,9 +36,8 @@ def scene_of(kinds: dict[str, int], share: float, seed: int) -> Mix:
 
 def rows_of(mix: Mix) -> reg.Rows:
     """As `register` takes them."""
-    names = {"image_point_line": "point_line"}
     return reg.rows(
-        *(getattr(reg, names.get(part.kind, part.kind))(part.source, part.target) for part in mix.parts)
+        *(getattr(reg, part.kind.removeprefix("image_"))(part.source, part.target) for part in mix.parts)
     )
 
 

@@ -23,8 +23,9 @@ THEIRS = re.compile(
 )
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
-    "Cell", "Centre", "CrosswireFit", "Detector", "Fit", "Fixed", "Keywords", "MappedRows", "Model", "Noise",
-    "OnInvalid", "PlaneSamples", "PointLineRows", "SpannedRows", "PointsKeywords", "Progress", "Table", "Weighting",
+    "Cell", "Centre", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Keywords", "MappedRows", "Model", "Noise",
+    "OnInvalid", "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Table",
+    "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
 ARRAYS = [

@@ -20,6 +20,7 @@ from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array, Similarity, area_places, homogeneous_points
 from sonocal.geometry.units import length_hints, scale_hints, scan_hints, unit_doubt
 from sonocal.observations import Observations
+from sonocal.registration.certificate import LazyCertificate
 from sonocal.registration.constraints import rows_of_spanned
 from sonocal.registration.noise import Noise
 from sonocal.registration.register import Registration, register
@@ -86,7 +87,7 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
         residuals_mm=residuals,
         inlier=inlier,
         options=asked,
-        _certificate=found.lazy_certificate,
+        _certificate=LazyCertificate(lambda: found.certificate),
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, asked)},
     )
     looks = (

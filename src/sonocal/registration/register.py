@@ -85,11 +85,6 @@ class Registration:
         """
         return self._certificate.read()
 
-    @property
-    def lazy_certificate(self) -> LazyCertificate:
-        """The certificate before it was looked for."""
-        return self._certificate
-
     def __repr__(self) -> str:
         agreeing = int(np.count_nonzero(self.inlier))
         return (
