@@ -118,7 +118,7 @@ def bag_metadata(folder):
 
 
 METAIO, NRRD = "PLUS sequence metafile, MetaIO image", "PLUS and Slicer NRRD sequence, NRRD image"
-DEVICES, TARGETS = contents("PLUS device set"), contents("needles, wires, points of tools")
+DEVICES, TARGETS = contents("PLUS device set"), contents("needles, wires, points, planes")
 
 READERS = {
     "mha": Reader(".mha", whole, lambda folder: contents(METAIO, ".mha")(folder) + damaged(".mha")),

@@ -28,7 +28,7 @@ from tests.builders.pictures import PHILIPS_CLASS, dicom_file, images, items, pa
 from tests.builders.recordings import random_pixels, random_poses, random_recording
 from tests.builders.scenes import image_sequence, scene_document, transform_sequence, write_scene
 from tests.builders.tables import matrices_in, motive
-from tests.builders.targets import LINE, PHANTOM, POINT
+from tests.builders.targets import LINE, PHANTOM, PLANE, POINT
 from tests.builders.trackers import (
     c3d_file,
     marker_places,
@@ -313,8 +313,11 @@ SOUND = {
         a_json=lambda: truth_json(simulate_sweep(curvilinear(64, 64, 1.5), BATH, SweepOptions(frames=3)))
     ),
     "page of sonocal": files(a_html=lambda: report_html(some_calibration()), b_html=OLD_PAGE),
-    "needles, wires, points of tools": files(
-        a_toml=LINE.encode(), b_toml=POINT.encode(), c_toml=b"# mm\n\n" + (LINE + POINT).encode()
+    "needles, wires, points, planes": files(
+        a_toml=LINE.encode(),
+        b_toml=POINT.encode(),
+        c_toml=b"# mm\n\n" + (LINE + POINT).encode(),
+        d_toml=(POINT + PLANE).encode(),
     ),
     "PLUS device set": files(
         a_xml=PHANTOM.encode(),

@@ -15,3 +15,6 @@ LINE = '[[line]]\nname = "n"\nframe = "Needle"\nfrom_mm = [0, 0, 0]\nto_mm = [0,
 
 
 POINT = '[[point]]\nname = "tip"\nframe = "Stylus"\nat_mm = [0.0, 0.5, -150]\n'
+
+
+PLANE = '[[plane]]\nname = "floor"\nframe = "Tracker"\npoint_mm = [0, 0, 5]\nnormal = [0.0, 0.1, 1.0]\n'

@@ -674,7 +674,7 @@ SHOWN = {
     "tracker.igs.mha": ["No images: a tracker alone.", "NeedleToTracker"],
     "poses.csv": ["CSV of poses", "ProbeToTracker"],
     "needle.toml": ["needles and wires", "5.0"],
-    "stylus.toml": ["points of tools", "0.00, 0.50, -150.00"],
+    "stylus.toml": ["points", "0.00, 0.50, -150.00"],
     "devices.xml": ["PLUS device set", "PhantomToReference"],
     "points.csv": ["points found in images"],
     "wire.csv": ["With places."],

@@ -176,3 +176,12 @@ def test_a_target_that_its_points_do_not_span_is_refused():
     flat = np.tile(np.array([[0.0, 0, 0], [1, 1, 1], [2, 2, 2]]), (9, 1, 1)) + points[:, None]
     with pytest.raises(InputError, match="a plane needs a normal"):
         reg.register(reg.point_plane(points, flat))
+
+
+def test_of_lengths_far_below_their_noise_no_covariance_is_made_up():
+    truth, rows = scene(["point", "line", "plane"], 4, 1)
+    tiny = SpannedRows(rows.points, rows.first, 1e-9 * rows.spanning, rows.spans)
+    at = Similarity(truth.rotation, 1e-9 * truth.translation, 1e-9 * truth.scale)
+    found = maximise(tiny, at, Options.of(threshold_mm=np.inf, **LEVELS), Told())
+    if found is not None and found.covariance is not None:
+        assert np.linalg.eigvalsh(found.covariance.matrix)[0] >= 0

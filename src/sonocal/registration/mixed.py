@@ -21,6 +21,9 @@ from sonocal.registration.told import Told
 
 __all__ = ["MixedFit", "least_squares", "maximise"]
 
+# Of a correlation matrix's eigenvalues.
+ROUNDING = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class MixedFit:
@@ -105,7 +108,11 @@ def _weighed(rows: SpannedRows, weights: Array) -> SpannedRows:
 
 
 def _covariance(found: _core.Estimate, *, scale_known: bool) -> Covariance | None:
-    if not np.isfinite(found.covariance).all():
+    """None where a motion is free, or as good as: of numbers so large rounding leaves no covariance."""
+    matrix = found.covariance
+    if not np.isfinite(matrix).all() or not matrix.diagonal().min() > 0:
         return None
-    matrix = np.pad(found.covariance, (0, 1)) if scale_known else found.covariance
-    return Covariance(matrix, found.freedom)
+    size = np.sqrt(matrix.diagonal())
+    if not np.linalg.eigvalsh(matrix / np.outer(size, size))[0] > -ROUNDING:
+        return None
+    return Covariance(np.pad(matrix, (0, 1)) if scale_known else matrix, found.freedom)

@@ -1,4 +1,4 @@
-"""What is scanned: lines and points of tools, from their own file or a PLUS device set.
+"""What is scanned: points, lines and planes, from their own file or a PLUS device set.
 
 A new format of targets is a file here that ends with its `FORMAT`, and a line in `formats.FORMATS`.
 """
