@@ -179,3 +179,10 @@ def test_a_provenance_of_another_shape_is_a_damaged_file(kept):
     record["provenance"] |= kept
     with pytest.raises(sc.FormatError, match=rf"is a damaged calibration file .*{next(iter(kept))}"):
         parse_calibration(json.dumps(record).encode(), "c.json")
+
+
+def test_a_place_that_no_room_has_is_a_damaged_file():
+    record = json.loads(OLD.read_text())
+    record["probe_from_image"][0][3] = 1e200
+    with pytest.raises(sc.FormatError, match="probe_from_image holds a number that is not below 1e\\+09"):
+        parse_calibration(json.dumps(record).encode(), "c.json")

@@ -303,6 +303,8 @@ def _from_record(record: Record) -> Calibration:
     matrix = np.array(record.probe_from_image)
     if matrix.shape != (4, 4):
         raise ValueError(f"probe_from_image has shape {matrix.shape} and not (4, 4)")
+    if not np.all(np.abs(matrix) < FURTHEST):
+        raise ValueError(f"probe_from_image holds a number that is not below {FURTHEST:g}")
     if len(record.scale_mm_per_px) != _scale_count(record.model):
         raise ValueError(
             f"scale_mm_per_px has {len(record.scale_mm_per_px)} entries for the {record.model} model"
