@@ -114,3 +114,14 @@ def test_calibrations_of_different_probes_are_not_compared():
     other = sc.calibrate(simulate_observations(3, 10).observations)
     with pytest.raises(sc.InputError, match="a 2D and of a 3D probe"):
         compare(found, other)
+
+
+def test_a_table_of_another_scan_with_the_same_name_and_length_was_not_fitted():
+    first, second = (simulate_observations(2, 20, seed=seed).observations for seed in (1, 2))
+    one = sc.Observations(first.points_px, first.segments_mm)
+    other = sc.Observations(second.points_px, second.segments_mm + 500.0)
+    found = validate(sc.calibrate(one), other)
+    assert "held-out-rows-far-off" in [finding.code for finding in found.diagnostics]
+    assert "held-out-rows-far-off" not in [
+        finding.code for finding in validate(sc.calibrate(one), one).diagnostics
+    ]

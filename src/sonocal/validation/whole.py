@@ -213,6 +213,8 @@ def fitted_and_held_out(
         return None, observations if split is None else observations.select_split(split)
     fitted = observations.select(mask)
     fitted = fitted.select(line_distances(calibration.probe_from_image, fitted) <= calibration.threshold_mm)
+    if not len(fitted):  # another table of that name and length
+        return None, observations if split is None else observations.select_split(split)
     if test_split is None:
         return fitted, None
     unseen = observations.select((observations.split == test_split) & ~mask)
