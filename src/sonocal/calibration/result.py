@@ -372,7 +372,9 @@ def _is_covariance(matrix: Array) -> bool:
     if not np.all(np.abs(matrix) < FURTHEST**2) or not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0):
         return False
     size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    return bool(np.linalg.eigvalsh(matrix / np.outer(size, size))[0] > -1e-6)
+    with np.errstate(over="ignore"):  # of a variance that is next to nothing
+        correlation = matrix / np.outer(size, size)
+    return bool(np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] > -1e-6)
 
 
 def _options(given: dict[str, Any], residuals_mm: Array, inlier: NDArray[np.bool_]) -> Options:
