@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import diagnose_fit, diagnose_weakness
+from sonocal.calibration.few_targets import ENOUGH_TARGETS
 from sonocal.calibration.options import Options, kept_options
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area
@@ -29,8 +30,6 @@ from sonocal.registration.uncertainty import point_covariance, radius_95, weakes
 
 __all__ = ["calibrate_mixed"]
 
-# An offset of each of three targets may hide in a calibration.
-ENOUGH_TARGETS = 4
 PARAMETERS = 7
 
 

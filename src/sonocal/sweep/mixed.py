@@ -15,7 +15,7 @@ from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Recording
 from sonocal.sweep.options import PointsOptions, of_calibrate
-from sonocal.sweep.tabulate import Posing
+from sonocal.sweep.tabulate import Posing, check_places, moved
 from sonocal.targets import Line, Plane, Point, Target, check_lines
 
 __all__ = ["calibrate_targets", "tabulate_targets"]
@@ -58,12 +58,7 @@ def tabulate_targets(
             raise InputError(f"targets must be points, lines and planes; got {target!r}"[:200])
     check_lines(recording.name, targets, "targets")
     which = _named(targets, detections)
-    outside = np.flatnonzero((detections.frame < 0) | (detections.frame >= len(recording)))
-    if len(outside):
-        raise InputError(
-            f"{detections.source}, point {outside[0]}: frame {detections.frame[outside[0]]} is not in "
-            f"{recording.name}, which has frames 0 to {len(recording) - 1}"
-        )
+    check_places(recording, detections)
     used = [targets[i] for i in np.unique(which)]
     place = np.searchsorted(np.unique(which), which)
     spanning = _spanning_mm(recording, used, posing)[detections.frame, place]
@@ -106,8 +101,8 @@ def _spanning_mm(recording: Recording, targets: Sequence[Target], posing: Posing
     """(F, T, 3, 3): what spans each target, in the probe marker's frame, in every item; NaN without a valid pose."""
     spanning = np.full((len(recording), len(targets), 3, 3), np.nan)
     for i, target in enumerate(targets):
-        moved = recording.between(posing.probe, target.frame, posing.fixed, posing.on_invalid).matrices
-        points = target.spanning_mm @ np.swapaxes(moved[:, :3, :3], 1, 2) + moved[:, None, :3, 3]
+        poses = recording.between(posing.probe, target.frame, posing.fixed, posing.on_invalid).matrices
+        points = moved(poses, target.spanning_mm)
         spanning[:, i, : points.shape[1]] = points
     return spanning
 

@@ -20,7 +20,7 @@ from sonocal.recording.health import moved_out
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import Line, check_lines
 
-__all__ = ["Fixed", "Posing", "Sightings", "check_posing", "tabulate", "tabulated"]
+__all__ = ["Fixed", "Posing", "Sightings", "check_places", "check_posing", "moved", "tabulate", "tabulated"]
 
 Fixed = Mapping[tuple[str, str], ArrayLike] | None
 
@@ -62,7 +62,7 @@ class Posing:
             frame: recording.between(self.probe, frame, self.fixed, self.on_invalid).matrices
             for frame in dict.fromkeys(line.frame for line in lines)
         }
-        return np.stack([_moved(probe_from[line.frame], line.segment_mm) for line in lines], axis=1)
+        return np.stack([moved(probe_from[line.frame], line.segment_mm) for line in lines], axis=1)
 
 
 def check_posing(probe: Any, fixed: Any, on_invalid: Any) -> None:
@@ -133,7 +133,7 @@ def tabulated(
 ) -> Sightings:
     """As `tabulate`, with the lines' ends (N, L, 2, 3) in every item of the recording."""
     row, line = _trials(lines, detections)
-    _check_places(recording, detections)
+    check_places(recording, detections)
     segments = segments_mm[detections.frame[row], line]
     posed = np.asarray(np.isfinite(segments).all(axis=(1, 2)))
     seen = (
@@ -200,13 +200,13 @@ def _timed(table: Observations, times: Array) -> Observations:
     return table.with_sound(extra={"time_s": times[table.frame].astype(np.str_)})
 
 
-def _moved(probe_from_tool: Array, segment_mm: Array) -> Array:
-    """(N, 2, 3): a segment (2, 3) carried by poses (N, 4, 4)."""
+def moved(probe_from_tool: Array, segment_mm: Array) -> Array:
+    """(N, K, 3): points (K, 3), such as a segment's ends, carried by poses (N, 4, 4)."""
     rotation, place = probe_from_tool[:, :3, :3], probe_from_tool[:, None, :3, 3]
     return np.asarray(segment_mm @ np.swapaxes(rotation, 1, 2) + place)
 
 
-def _check_places(recording: Recording, detections: Detections) -> None:
+def check_places(recording: Recording, detections: Detections) -> None:
     """Refuse detections of other images than the recording's."""
     if recording.image is not None and detections.dimension != recording.image.dimension:
         raise InputError(
