@@ -32,8 +32,8 @@ from sonocal.cli.options import (
     POSES,
     PROBE,
     SCANNER,
+    THRESHOLD,
     Size,
-    Threshold,
     console,
     output_folder,
     seed,
@@ -118,7 +118,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
 @click.option("--test-split", metavar="NAME", help="Hold the rows of this split out, and report their error.")
 @click.option(
     "--threshold-mm",
-    type=Threshold(),
+    type=THRESHOLD,
     metavar="MM|auto",
     default=5.0,
     show_default=True,

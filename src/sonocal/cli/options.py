@@ -31,10 +31,11 @@ __all__ = [
     "POSES",
     "PROBE",
     "SCANNER",
+    "THRESHOLD",
     "WRITTEN",
+    "NumberOr",
     "Scale",
     "Size",
-    "Threshold",
     "console",
     "given",
     "output_folder",
@@ -82,34 +83,29 @@ class Scale(click.ParamType[float | tuple[float, float]]):
         return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
 
 
-class Threshold(click.ParamType[float | str]):
-    """A number of millimetres, or "auto"."""
+class NumberOr(click.ParamType[float | str]):
+    """A number of some unit, or a word that has it found.
 
-    name = "MM|auto"
+    Args:
+        word: such as "auto".
+        unit: of the number, in words.
+        name: of the option's value in help.
+    """
+
+    def __init__(self, word: str, unit: str, name: str) -> None:
+        self.word, self.unit, self.name = word, unit, name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
-        """The number, or "auto"."""
-        if value == "auto":
-            return "auto"
+        """The number, or the word."""
+        if value == self.word:
+            return self.word
         try:
             return float(value)
         except ValueError:
-            self.fail(f"{value!r} is neither a number of millimetres nor auto", param, ctx)
+            self.fail(f"{value!r} is neither a number of {self.unit} nor {self.word}", param, ctx)
 
 
-class Latency(click.ParamType[float | str]):
-    """A number of seconds, or "estimate"."""
-
-    name = "S|estimate"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
-        """The number, or "estimate"."""
-        if value == "estimate":
-            return "estimate"
-        try:
-            return float(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a number of seconds nor estimate", param, ctx)
+THRESHOLD = NumberOr("auto", "millimetres", "MM|auto")
 
 
 LINES = click.option(
@@ -148,7 +144,7 @@ LATENCY = click.option(
 LATENCY_OR_ESTIMATE = click.option(
     "--latency",
     "latency_s",
-    type=Latency(),
+    type=NumberOr("estimate", "seconds", "S|estimate"),
     metavar="S|estimate",
     default=0.0,
     show_default=True,

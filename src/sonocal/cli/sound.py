@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.options import NumberOr
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,21 +25,6 @@ AS_SCANNED = click.option(
     is_flag=True,
     help="The map that is best for images in which sound runs as it did in those calibrated on.",
 )
-
-
-class SoundSpeed(click.ParamType[float | str]):
-    """A number of m/s, or "estimate"."""
-
-    name = "M/S|estimate"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
-        """The number, or "estimate"."""
-        if value == "estimate":
-            return "estimate"
-        try:
-            return float(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a number of m/s nor estimate", param, ctx)
 
 
 class Place(click.ParamType[tuple[float, ...]]):
@@ -79,7 +65,7 @@ def of_sound(command: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--sound-speed",
             "sound_speed_m_s",
-            type=SoundSpeed(),
+            type=NumberOr("estimate", "m/s", "M/S|estimate"),
             metavar="M/S|estimate",
             help="In what was scanned, m/s (water at 20 C: 1482); or estimate, from 1400 to 1650, which "
             "--scanner-mm-per-px in all its digits makes surer.  [default: as the scanner assumes]",
