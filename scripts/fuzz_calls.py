@@ -9,8 +9,8 @@
 Lengths that differ, codes below 0 or huge, NaN, infinities, 1e300, no rows, strides, other types, extreme options,
 degenerate geometry; what happens to files is in tests/builders/damage.py. Each call has a generator of its own from
 the seed and its number, so that any of them can be repeated alone. They run in another process, which is started anew
-behind a call that ended it. A call that takes longer than a minute, or a GiB more than the process began with, is a
-fault, too. Counts that are kept in a folder are gone on with when they are asked for again.
+behind a call that ended it. A call that takes a minute of processor time, ten by the clock, or a GiB more than the
+process began with, is a fault, too. Counts that are kept in a folder are gone on with when they are asked for again.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
 SEED = 20160908
-LONGEST_S = 60
+# A process that others starve is slow by the clock; one that waits for ever takes no processor time.
+LONGEST_S = {signal.ITIMER_PROF: 60, signal.ITIMER_REAL: 600}
 MOST_BYTES = 1 << 30
 # Behind so many, one fault hides the others.
 MOST_FAULTS = 30
@@ -80,13 +81,15 @@ class Count(NamedTuple):
 def run(call: Callable[[int], bool], end: int, log: Path) -> None:
     """Make calls one after the other; the log holds how far they are, whatever one of them does to the process."""
     _, answered, faults, slowest, which = Count.kept(log)
-    faulthandler.register(signal.SIGALRM, chain=True)
+    for ending in (signal.SIGPROF, signal.SIGALRM):
+        faulthandler.register(ending, chain=True)
     with log.open("r+") as file:
         for number in range(Count.kept(log).next, end):
             file.seek(0)
             file.write(f"{number} {answered} {faults} {slowest} {which}\n")
             file.flush()
-            signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+            for timer, longest_s in LONGEST_S.items():
+                signal.setitimer(timer, longest_s)
             begin = time.perf_counter()
             answered += call(number)
             took = int(1000 * (time.perf_counter() - begin))
