@@ -39,6 +39,9 @@ from sonocal.registration.told import Told, scale_of, sigmas_of, weights_of
 
 __all__ = ["PARAMETERS", "Registration", "register"]
 
+# Of how far targets are missed: a source whose picture is smaller is a point there.
+SHRUNK = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Registration:
@@ -229,7 +232,8 @@ def _consensus_of_mix(
     if not found.found:
         refuse_free(constraints)
         raise NoConsensusError("no minimal sample of the correspondences has a similarity", best_count=0)
-    if not (found.scales[0] > 0 and np.isfinite(found.translation).all()):
+    size_mm = found.scales[0] * float(np.ptp(constraints.points, axis=0).max())
+    if not (size_mm > SHRUNK * found.residuals_mm.min() and np.isfinite(found.translation).all()):
         raise NoConsensusError(
             "no similarity brings the correspondences together: the best one shrinks the source to a point; "
             "check that they are matched and in the units meant",
