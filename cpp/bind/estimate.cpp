@@ -10,6 +10,7 @@
 
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
+#include "bind/white.hpp"
 #include "sonocal/correspondences/chance.hpp"
 #include "sonocal/estimate/lines_agreement.hpp"
 #include "sonocal/estimate/mixed_estimate.hpp"
@@ -146,14 +147,7 @@ PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transf
 
 PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, const Transform& at,
                               const Options& options) {
-  const Table table = bound.lines();
-  check_model(table, options);
-  const bool* rows = checked_rows(chosen, table);
-  WhiteResiduals white;
-  {
-    nb::gil_scoped_release unlocked;
-    white = white_residuals(table, rows, at, options);
-  }
+  WhiteResiduals white = white_of(bound, chosen, at, options);
   PyEstimate result;
   result.found = result.converged = true;
   result.inliers = static_cast<int>(white.residual.size() / 2);

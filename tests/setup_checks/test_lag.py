@@ -99,7 +99,7 @@ def test_a_steady_motion_stays_one_whatever_the_stamps():
     asked = rng.uniform(time[0], time[-1], 100)
     moved = lines.at(np.zeros(100, dtype=int), asked)
     assert moved.usable.all()
-    np.testing.assert_allclose(moved.segments_mm, start + asked[:, None, None] * pace, atol=1e-9)
+    np.testing.assert_allclose(moved.spanning_mm, start + asked[:, None, None] * pace, atol=1e-9)
     np.testing.assert_allclose(moved.velocities, np.broadcast_to(pace, (100, 2, 3)), atol=1e-9)
 
 

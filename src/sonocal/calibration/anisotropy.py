@@ -17,6 +17,7 @@ from sonocal.registration.noise import estimate_noise
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
 
 __all__ = ["anisotropy_findings", "diagnose_anisotropy", "diagnose_voxels"]
@@ -30,7 +31,7 @@ ASSUMED_M_S, WATER_M_S, SPEEDS = 1540.0, 1482.0, 0.06
 
 
 def anisotropy_findings(
-    table: PointLineRows, fit: Fit, groupings: Groupings, accepted: tuple[Array, float, str]
+    table: PointLineRows | TargetRows, fit: Fit, groupings: Groupings, accepted: tuple[Array, float, str]
 ) -> Iterator[Diagnostic]:
     """Fits the wider model too, and tests whether its scales differ, and whether that is more than care can help.
 
@@ -42,6 +43,8 @@ def anisotropy_findings(
     """
     if fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
         return
+    if isinstance(table, TargetRows):
+        return  # for now
     if table.dimension == 3:
         found = axis_scales(table, fit, groupings.labels)
         said = [] if found is None else [*diagnose_voxels(found)]

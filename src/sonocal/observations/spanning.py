@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 
-__all__ = ["SPANNING_COLUMNS", "of_spanning", "segments_of", "spans_of", "wrong_span"]
+__all__ = ["SPANNING_COLUMNS", "lengths_of", "of_spanning", "segments_of", "spans_of", "wrong_span"]
 
 SPANNING_COLUMNS = tuple(f"{axis}{point}_mm" for point in range(3) for axis in "xyz")
 """Of the first, the second and the third point."""
@@ -36,6 +36,12 @@ def segments_of(spanning_mm: Array) -> Array:
     alone = np.isnan(segments[:, 1]).all(axis=1)
     segments[alone, 1] = segments[alone, 0]
     return segments
+
+
+def lengths_of(spans: NDArray[np.int32], segments_mm: Array) -> Array:
+    """(M,), mm: of the first side (N, 2, 3) of what spans those of the targets (N,) that are no points."""
+    sides = np.diff(segments_mm[spans >= 2], axis=1)[:, 0]
+    return np.asarray(np.linalg.norm(sides, axis=1))
 
 
 def of_spanning(columns: Mapping[str, Array]) -> dict[str, Array]:

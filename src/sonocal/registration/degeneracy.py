@@ -11,6 +11,7 @@ from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.geometry import Array, segment_directions
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = [
     "NearDegeneracy",
@@ -83,7 +84,7 @@ def refuse_degenerate_lines(rows: PointLineRows, chosen: NDArray[np.bool_] | Non
         _refuse_flat_image(extent.points.tolist(), _count(rows, chosen), thickness < EXACT_LENGTH * size)
 
 
-def _count(rows: PointLineRows, chosen: NDArray[np.bool_] | None) -> int:
+def _count(rows: PointLineRows | TargetRows, chosen: NDArray[np.bool_] | None) -> int:
     return len(rows) if chosen is None else int(np.count_nonzero(chosen))
 
 
@@ -210,14 +211,14 @@ def _near_image_line(along_px: float, across_px: float) -> NearDegeneracy:
     )
 
 
-def refuse_apparent(rows: PointLineRows, chosen: NDArray[np.bool_], apparent: float) -> None:
+def refuse_apparent(rows: PointLineRows | TargetRows, chosen: NDArray[np.bool_], apparent: float) -> None:
     """Raise if noise alone may have given what the rows seem to say of a motion.
 
     Noise turns configurations that leave a motion free into ones that seem to hold it. What it gives is known from
     its levels; where that is much of what there is, within three standard deviations, the answer is the noise's.
 
     Args:
-        rows: points and lines.
+        rows: points and lines, or whatever targets.
         chosen: (N,), those that were fitted.
         apparent: `Noise.apparent` of the fit.
 
@@ -226,7 +227,7 @@ def refuse_apparent(rows: PointLineRows, chosen: NDArray[np.bool_], apparent: fl
     """
     if apparent < MOST_APPARENT or np.count_nonzero(chosen) <= FEWEST_TOLD:
         return
-    near = near_degeneracy(rows, chosen)
+    near = near_degeneracy(rows, chosen) if isinstance(rows, PointLineRows) else None
     if near is None:
         raise DegenerateGeometryError(
             f"what the {_count(rows, chosen)} rows that agree say of one motion of the image is no more than noise "

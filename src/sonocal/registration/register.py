@@ -55,6 +55,8 @@ class Registration:
         threshold_mm: correspondences within this distance agree.
         samples: how many minimal samples were tried.
         converged: whether the refinement came to rest.
+        sigma_px, sigma_mm: noise levels behind the likelihood's weights, given or estimated: of a source point and of
+            a point that spans a target, along every axis. None where all distances counted alike.
     """
 
     target_from_source: Similarity
@@ -65,6 +67,8 @@ class Registration:
     threshold_mm: float
     samples: int
     converged: bool
+    sigma_px: float | None = None
+    sigma_mm: float | None = None
     _others: Callable[[], tuple[Similarity, ...]] = field(default=tuple, repr=False)
     _certificate: LazyCertificate = field(default_factory=LazyCertificate.known, repr=False)
 
@@ -202,6 +206,8 @@ def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bo
         threshold_mm=found.threshold,
         samples=found.samples,
         converged=fit.converged,
+        sigma_px=fit.sigma_px,
+        sigma_mm=fit.sigma_mm,
         _others=partial(
             alternatives_to,
             fit.transform,
@@ -276,6 +282,8 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
         threshold_mm=fit.threshold_mm,
         samples=fit.samples,
         converged=fit.converged,
+        sigma_px=fit.sigma_px if fit.weighting == "likelihood" else None,
+        sigma_mm=fit.sigma_mm if fit.weighting == "likelihood" else None,
         _others=lambda: alternatives_to(
             similarity, covariance, constraints.select(inlier), seed=options.seed
         ),

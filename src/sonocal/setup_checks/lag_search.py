@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.geometry import Array
+from sonocal.registration.best_fit import consensus_fit, refined_fit
 from sonocal.registration.fit import Fit
-from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mapped import mapped_rows
 from sonocal.registration.options import Model, Options
-from sonocal.registration.refine import refine_point_lines
-from sonocal.registration.robust import fit_point_lines
-from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.setup_checks.latency import deviation_of, is_significant, latency_of, speed_of
-from sonocal.setup_checks.lines_in_time import Moved, RowsInTime, ShiftedRows
+from sonocal.setup_checks.lines_in_time import RowsInTime, ShiftedRows, Table
 from sonocal.setup_checks.motion import FEWEST_FRAMES, Motion
 
 __all__ = ["Lag", "find_lag", "rough_lag"]
@@ -167,7 +165,7 @@ def _tried(rows: RowsInTime, lag: float, options: Options) -> _Trial:
     assert options.threshold_mm != "auto"
     shifted = rows.shifted(lag)
     try:
-        fit = fit_point_lines(shifted.table, options) if len(shifted.rows) >= FEWEST_FRAMES else None
+        fit = consensus_fit(shifted.table, options) if len(shifted.rows) >= FEWEST_FRAMES else None
     except (NoConsensusError, DegenerateGeometryError):
         fit = None
     if fit is not None:
@@ -200,11 +198,11 @@ def _refined(rows: RowsInTime, best: _Trial, options: Options, step: float, most
     return _compared(rows.time, found, still, motion)
 
 
-def _fitted(start: Fit, table: PointLineRows, options: Options) -> Fit:
+def _fitted(start: Fit, table: Table, options: Options) -> Fit:
     """The transform refined on the rows that agree with it; as it was, where none does."""
     assert options.threshold_mm != "auto"
-    agreeing = MappedRows(start.transform, table).distances <= options.threshold_mm
-    return refine_point_lines(start.transform, table, agreeing, options) if agreeing.any() else start
+    agreeing = mapped_rows(start.transform, table).distances <= options.threshold_mm
+    return refined_fit(start.transform, table, agreeing, options) if agreeing.any() else start
 
 
 def _compared(time: Array, found: _Trial, still: _Trial, motion: Motion) -> Lag | None:
@@ -242,19 +240,17 @@ def _signed_rank(gains: Array) -> float:
 
 def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> Motion | None:
     """What the transform's motions and time do to the rows that agree; None where they are too few or too slow."""
-    mapped = MappedRows(fit.transform, shifted.table)
+    mapped = mapped_rows(fit.transform, shifted.table)
     agree = np.flatnonzero(mapped.distances <= threshold_mm)
     assert shifted.table.frame is not None
     if len(np.unique(shifted.table.frame[agree])) < FEWEST_FRAMES:
         return None
     displaced = point_jacobian(fit.transform, shifted.table.points[agree], 7 + (fit.model == "anisotropic"))
-    directions = mapped.directions[agree]
-    share = (mapped.along_mm[agree] / mapped.lengths_mm[agree])[:, None]
-    velocities = shifted.moved.velocities[agree]
-    moved = velocities[:, 0] * (1 - share) + velocities[:, 1] * share
+    shares = mapped.shares[agree]
+    moved = np.einsum("nk,nki->ni", shares, shifted.moved.velocities[agree])
     frame = np.unique(shifted.table.frame[agree], return_inverse=True)[1].reshape(-1).astype(np.int64)
-    velocity = moved - directions * np.einsum("ni,ni->n", moved, directions)[:, None]
-    by_noise = _by_noise(shifted.moved, agree, share)
+    velocity = mapped.across(agree, moved[:, :, None])[:, :, 0]
+    by_noise = _by_noise(shifted, agree, shares)
     if by_noise[:, 1].sum() > MOST_BY_NOISE * np.sum(velocity**2):
         return None
     return Motion(
@@ -263,7 +259,7 @@ def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> M
         number=frame,
         residuals=mapped.residuals[agree],
         displaced=displaced,
-        jacobian=displaced - directions[:, :, None] * (directions[:, None, :] @ displaced),
+        jacobian=mapped.across(agree, displaced),
         velocity=velocity,
         usable=np.full(len(agree), True),
         unit=unit,
@@ -271,8 +267,9 @@ def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> M
     )
 
 
-def _by_noise(moved: Moved, rows: NDArray[np.int64], share: Array) -> Array:
-    """(M, 2): products of velocity with residual and itself that noise gives, over both directions across lines."""
-    across = 2.0 * ((1 - share) ** 2 + share**2)
+def _by_noise(shifted: ShiftedRows, rows: NDArray[np.int64], shares: Array) -> Array:
+    """(M, 2): products of velocity with residual and itself that noise gives, over all directions across targets."""
+    moved, directions = shifted.moved, 4.0 - shifted.table.spans[rows]
+    across = (directions * np.sum(shares**2, axis=1))[:, None]
     # A residual has the noise of the line taken away.
     return np.asarray(across * np.stack([-moved.coupling[rows], moved.unrest[rows]], axis=1))

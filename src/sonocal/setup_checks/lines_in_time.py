@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sonocal.geometry import Array
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = [
     "LONGEST_S",
@@ -34,6 +35,9 @@ NEWTON_STEPS = 3
 MEDIAN_OF_SQUARES = 0.6745
 
 
+Table = PointLineRows | TargetRows
+
+
 class Lines(Protocol):
     """Lines whose places are known at any moment near those at which they were seen."""
 
@@ -51,7 +55,7 @@ class LinesInTime:
     would fit better than the true one. Time is such a curve, too: a steady motion stays one, whatever the stamps.
 
     Attributes:
-        places: (C, 6), mm: control points, in order of track and time, each piece with one more at either end.
+        places: (C, 3 K), mm: control points, in order of track and time, each piece with one more at either end.
         moments: (C,): of the control points, tracks one after another on one axis.
         knot: (M,): where the curve's knots are among them.
         begins: (M,): the curve's moment at each knot.
@@ -71,13 +75,13 @@ class LinesInTime:
     sigma_mm: float
 
     @classmethod
-    def of(cls, track: NDArray[np.int64], time: Array, segments_mm: Array, longest: float = np.inf) -> Self:
+    def of(cls, track: NDArray[np.int64], time: Array, spanning_mm: Array, longest: float = np.inf) -> Self:
         """Curves through sightings.
 
         Args:
             track: (M,): which needle each is a sighting of, counted from 0.
             time: (M,), finite; of sightings of a track at one time the first counts.
-            segments_mm: (M, 2, 3), finite.
+            spanning_mm: (M, K, 3), finite.
             longest: stretch that is bridged, in units of time.
         """
         offset = 2.0 * float(np.ptp(time)) + 2.0 * LONGEST_S + 2.0 if len(time) else 1.0
@@ -85,7 +89,7 @@ class LinesInTime:
         axis = time - origin + track * offset
         order = np.lexsort((np.arange(len(axis)), axis))
         order = order[np.concatenate([[True], np.diff(axis[order]) > 0])] if len(order) else order
-        axis, places = axis[order], segments_mm[order].reshape(-1, 6)
+        axis, places = axis[order], spanning_mm[order].reshape(len(order), -1)
         piece = pieces_of(axis, places, track[order], longest)
         kept = np.bincount(piece, minlength=1)[piece] >= LEAST_KNOTS
         axis, places, piece = axis[kept], places[kept], group_codes(piece[kept])
@@ -102,17 +106,19 @@ class LinesInTime:
         """Where the lines of some tracks (N,) were at some times (N,)."""
         axis = time - self.origin + track * self.offset
         if not len(self.knot):
-            return Moved.of(np.zeros(len(time), dtype=bool))
+            return Moved.of(np.zeros(len(time), dtype=bool), self.places.shape[1] // 3)
         here = np.clip(np.searchsorted(self.begins, axis, side="right") - 1, 0, None)
         here -= (~self.joined[here]) & (self.begins[here] == axis)  # the very end of a piece
-        found = Moved.of((here >= 0) & (self.begins[here] <= axis) & self.joined[here])
+        known = (here >= 0) & (self.begins[here] <= axis) & self.joined[here]
+        found = Moved.of(known, self.places.shape[1] // 3)
         usable = found.usable
         control = self.knot[here[usable], None] + np.arange(-1, 3)
         moments = self.moments[control]
         weights, rates = _weights(_solved(moments, axis[usable]))
         rates = _ratio(rates, np.einsum("nk,nk->n", rates, moments)[:, None])
-        found.segments_mm[usable] = np.einsum("nk,nki->ni", weights, self.places[control]).reshape(-1, 2, 3)
-        found.velocities[usable] = np.einsum("nk,nki->ni", rates, self.places[control]).reshape(-1, 2, 3)
+        shape = found.spanning_mm[usable].shape
+        found.spanning_mm[usable] = np.einsum("nk,nki->ni", weights, self.places[control]).reshape(shape)
+        found.velocities[usable] = np.einsum("nk,nki->ni", rates, self.places[control]).reshape(shape)
         found.coupling[usable] = self.sigma_mm**2 * np.einsum("nk,nk->n", weights, rates)
         found.unrest[usable] = self.sigma_mm**2 * np.einsum("nk,nk->n", rates, rates)
         return found
@@ -124,25 +130,26 @@ class Moved:
 
     Attributes:
         usable: (N,): whether they are known; else all is 0.
-        segments_mm: (N, 2, 3).
-        velocities: (N, 2, 3), mm a unit of time, of their ends.
-        coupling: (N,): covariance, along each axis, of an end's noise with that of its velocity. Both are made of the
+        spanning_mm: (N, K, 3): two ends of lines, three points of a mix.
+        velocities: (N, K, 3), mm a unit of time, of these.
+        coupling: (N,): covariance, along each axis, of a point's noise with that of its velocity. Both are made of the
             same sightings: it draws a lag to where between them the curve smooths most.
-        unrest: (N,): variance, along each axis, of the noise of an end's velocity: it makes lags look surer than they
+        unrest: (N,): variance, along each axis, of the noise of a point's velocity: it makes lags look surer than they
             are.
     """
 
     usable: NDArray[np.bool_]
-    segments_mm: Array
+    spanning_mm: Array
     velocities: Array
     coupling: Array
     unrest: Array
 
     @classmethod
-    def of(cls, usable: NDArray[np.bool_]) -> Self:
-        """With nothing filled in."""
+    def of(cls, usable: NDArray[np.bool_], points: int = 2) -> Self:
+        """With nothing filled in, of so many points each."""
         count = len(usable)
-        return cls(usable, np.zeros((count, 2, 3)), np.zeros((count, 2, 3)), np.zeros(count), np.zeros(count))
+        places = np.zeros((count, points, 3))
+        return cls(usable, places, places.copy(), np.zeros(count), np.zeros(count))
 
     def select(self, rows: NDArray[np.bool_]) -> Moved:
         """Some of them."""
@@ -162,8 +169,14 @@ class ShiftedRows:
 
     lag: float
     rows: NDArray[np.int64]
-    table: PointLineRows
+    table: Table
     moved: Moved
+
+    @property
+    def lines(self) -> PointLineRows:
+        """The table, where it is of lines alone."""
+        assert isinstance(self.table, PointLineRows)
+        return self.table
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,25 +190,25 @@ class RowsInTime:
         unit: of time: "s", or "frames".
     """
 
-    table: PointLineRows
+    table: Table
     lines: Lines
     track: NDArray[np.int64]
     time: Array
     unit: str
 
     @classmethod
-    def of(cls, observations: Observations, table: PointLineRows) -> Self:
+    def of(cls, observations: Observations, table: Table) -> Self:
         """Of a table alone: each needle's sightings say where it was in between. Rows come in the order of time."""
         time, unit = time_of(observations, np.arange(len(observations)))
         track = tracks_of(observations, table)
         order = np.lexsort((*table.points.T, track, time))
         table, track, time = table.select(order), track[order], time[order] - time[order[:1]]
-        return cls(table, LinesInTime.of(track, time, table.segments_mm, _longest(unit)), track, time, unit)
+        return cls(table, LinesInTime.of(track, time, table.spanning_mm, _longest(unit)), track, time, unit)
 
     @classmethod
     def in_recording(
         cls,
-        table: PointLineRows,
+        table: Table,
         times: Array,
         segments_mm: Array,
         frame: NDArray[np.int64],
@@ -228,8 +241,8 @@ class RowsInTime:
         """The rows whose lines are known a lag later, with these."""
         moved = self.lines.at(self.track, self.time + lag)
         known = moved.usable
-        segments = np.where(known[:, None, None], moved.segments_mm, self.table.segments_mm)
-        table = replace(self.table, segments_mm=segments).select(known)
+        spanning = np.where(known[:, None, None], moved.spanning_mm, self.table.spanning_mm)
+        table = self.table.with_spanning(spanning).select(known)
         return ShiftedRows(lag, np.flatnonzero(known), table, moved.select(known))
 
 
@@ -240,7 +253,7 @@ def time_of(observations: Observations, rows: NDArray[np.int64]) -> tuple[Array,
     return observations.frame[rows].astype(float), "frames"
 
 
-def tracks_of(observations: Observations, table: PointLineRows) -> NDArray[np.int64]:
+def tracks_of(observations: Observations, table: Table) -> NDArray[np.int64]:
     """(N,): which needle of which split each row is a sighting of."""
     split, target = observations.split, table.target
     assert target is not None
@@ -261,8 +274,8 @@ def pieces_of(
         return np.zeros(0, dtype=np.int64)
     step, same = np.diff(axis), np.diff(track) == 0
     usual = float(np.median(step[same])) if same.any() else 0.0
-    along = places[:, 3:] - places[:, :3]
-    turned = np.einsum("ni,ni->n", along[1:], along[:-1]) <= 0
+    along = places[:, 3:6] - places[:, :3]  # of a point none, which does not turn round
+    turned = np.einsum("ni,ni->n", along[1:], along[:-1]) < 0
     broken = ~same | turned | (step > min(most_steps * usual, longest))
     return np.concatenate([[0], np.cumsum(broken)])
 

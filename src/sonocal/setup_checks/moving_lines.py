@@ -98,7 +98,7 @@ class MovingLines:
         found.usable[:] = bridged | (np.minimum(np.abs(since), np.abs(until)) <= self.reach_s)
         for node, gap, part in ((before, since, 1.0 - share), (after, -until, share)):
             carried = self.segments_mm[node] + gap[:, None, None] * self.velocities[node]
-            found.segments_mm[:] += part[:, None, None] * carried
+            found.spanning_mm[:] += part[:, None, None] * carried
             found.velocities[:] += part[:, None, None] * self.velocities[node]
             found.unrest[:] += part * self.unrest[node]
         return found
