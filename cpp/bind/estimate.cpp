@@ -118,7 +118,7 @@ PyEstimate to_python(const Estimate& e) {
 
 PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
   const Table table = bound.lines();
-  check_model(table, options);
+  check_model(table.dimension, options);
   Estimate result;
   bool plain = false;
   {
@@ -135,7 +135,7 @@ PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
 PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transform& start,
                      const Options& options) {
   const Table table = bound.lines();
-  check_model(table, options);
+  check_model(table.dimension, options);
   const bool* rows = checked_rows(chosen, table);
   Estimate result;
   {
@@ -191,7 +191,8 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
 PyEstimate py_maximise(const BoundTable& bound, const Transform& start, const Options& options,
                        bool scale_known) {
   const MixedTable table = bound.targets();
-  require(options.model == Model::kSimilarity, "only a similarity is fitted to a mix");
+  check_model(table.dimension, options);
+  require(options.model == Model::kSimilarity || !scale_known, "one scale that is known is a similarity's");
   const Model model = scale_known ? Model::kScaleKnown : options.model;
   MixedEstimate e;
   {

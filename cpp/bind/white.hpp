@@ -9,14 +9,14 @@
 inline sonocal::WhiteResiduals white_of(const BoundTable& bound, const Chosen& chosen,
                                         const sonocal::Transform& at, const sonocal::Options& options) {
   if (bound.of_points_and_targets()) {
-    require(options.model == sonocal::Model::kSimilarity, "only a similarity is fitted to a mix");
     const sonocal::MixedTable table = bound.targets();
+    check_model(table.dimension, options);
     const bool* marks = checked_marks(chosen, table.count);
     nb::gil_scoped_release unlocked;
     return white_residuals(table, marks, at, options);
   }
   const sonocal::Table table = bound.lines();
-  check_model(table, options);
+  check_model(table.dimension, options);
   const bool* marks = checked_rows(chosen, table);
   nb::gil_scoped_release unlocked;
   return white_residuals(table, marks, at, options);

@@ -72,7 +72,8 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
 }
 
 // Of sightings of whatever: every point of a sighting by itself where all distances count alike.
-void put_alike(const MixedRows& rows, int sighting, double weight, WhiteRows<7>& out) {
+template <int kParameters>
+void put_alike(const MixedRows& rows, int sighting, double weight, WhiteRows<kParameters>& out) {
   const Target& target = rows.target(sighting);
   for (int i = rows.first(sighting); i < rows.first(sighting + 1); ++i) {
     const Vector3d away = out.at().apply(rows.point(i)) - target.middle;
@@ -89,6 +90,40 @@ Reaches reaches_of(const Target& target) {
     out.middle[k] = target.reach[k].dot(target.middle);
   }
   return out;
+}
+
+template <int kParameters>
+WhiteResiduals whiten(const MixedTable& table, const bool* chosen, const Transform& at,
+                      const Options& options) {
+  const MixedRows rows(table);
+  const Normalisation& n = rows.normalisation();
+  std::vector<int> sightings, of_point(table.first[table.count]);
+  int count = 0;
+  for (int c = 0; c < rows.size(); ++c) {
+    std::fill(of_point.begin() + rows.first(c), of_point.begin() + rows.first(c + 1), c);
+    if (!chosen[c]) continue;
+    sightings.push_back(c);
+    count += rows.points(c) * rows.target(c).normals;
+  }
+  const bool alike = options.weighting == Weighting::kGeometric;
+  WhiteRows<kParameters> out(count, at, n, table.dimension, alike);
+  if (alike) {
+    for (const int c : sightings) put_alike(rows, c, n.size * n.size, out);
+    return out.finished();
+  }
+  const Variances levels = variances(n, options.levels);
+  const MixedNoise noise(rows, sightings);
+  MixedBlocks blocks(noise, out.at(), levels);
+  IndependentBlock block;
+  while (blocks.next(block))
+    for (int i = 0; i < block.count; ++i) {
+      const int c = of_point[block.first_row[i]];
+      const double fm = rows.mm_factor(c);
+      for (int k = 0; k < 2; ++k)
+        if (block.weight[k][i] > 0)
+          out.put(row_of(block, i, k), reaches_of(rows.target(c)), levels.px, levels.mm * fm * fm);
+    }
+  return out.finished();
 }
 
 // With columns of one length, in whose units rounding is alike.
@@ -115,40 +150,13 @@ TangentMatrix inverse_as(const WhiteJacobian& jacobian) {
 
 }  // namespace
 
-WhiteResiduals white_residuals(const MixedTable& table, const bool* chosen, const Transform& at,
+WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Transform& at,
                                const Options& options) {
-  const MixedRows rows(table);
-  const Normalisation& n = rows.normalisation();
-  std::vector<int> sightings, of_point(table.first[table.count]);
-  int count = 0;
-  for (int c = 0; c < rows.size(); ++c) {
-    std::fill(of_point.begin() + rows.first(c), of_point.begin() + rows.first(c + 1), c);
-    if (!chosen[c]) continue;
-    sightings.push_back(c);
-    count += rows.points(c) * rows.target(c).normals;
-  }
-  const bool alike = options.weighting == Weighting::kGeometric;
-  WhiteRows<7> out(count, at, n, table.dimension, alike);
-  if (alike) {
-    for (const int c : sightings) put_alike(rows, c, n.size * n.size, out);
-    return out.finished();
-  }
-  const Variances levels = variances(n, options.levels);
-  const MixedNoise noise(rows, sightings);
-  MixedBlocks blocks(noise, out.at(), levels);
-  IndependentBlock block;
-  while (blocks.next(block))
-    for (int i = 0; i < block.count; ++i) {
-      const int c = of_point[block.first_row[i]];
-      const double fm = rows.mm_factor(c);
-      for (int k = 0; k < 2; ++k)
-        if (block.weight[k][i] > 0)
-          out.put(row_of(block, i, k), reaches_of(rows.target(c)), levels.px, levels.mm * fm * fm);
-    }
-  return out.finished();
+  return options.model == Model::kSimilarity ? whiten<7>(table, chosen, at, options)
+                                             : whiten<8>(table, chosen, at, options);
 }
 
-WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Transform& at,
+WhiteResiduals white_residuals(const MixedTable& table, const bool* chosen, const Transform& at,
                                const Options& options) {
   return options.model == Model::kSimilarity ? whiten<7>(table, chosen, at, options)
                                              : whiten<8>(table, chosen, at, options);

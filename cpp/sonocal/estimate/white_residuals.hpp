@@ -34,7 +34,7 @@ struct WhiteResiduals {
 WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Transform& at,
                                const Options& options);
 
-// Likewise of a mix, a similarity alone. chosen: of its sightings; `row` holds each one's first point.
+// Likewise of a mix. chosen: of its sightings; `row` holds each one's first point.
 WhiteResiduals white_residuals(const MixedTable& table, const bool* chosen, const Transform& at,
                                const Options& options);
 

@@ -12,9 +12,9 @@ from sonocal.calibration.held_out import FAR
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.axis_scales import AxisScales, axis_scales
+from sonocal.registration.best_fit import refined_fit
 from sonocal.registration.fit import Fit
 from sonocal.registration.noise import estimate_noise
-from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
@@ -43,8 +43,6 @@ def anisotropy_findings(
     """
     if fit.model == "anisotropic" or fit.inlier.sum() <= MINIMAL_ROWS:
         return
-    if isinstance(table, TargetRows):
-        return  # for now
     if table.dimension == 3:
         found = axis_scales(table, fit, groupings.labels)
         said = [] if found is None else [*diagnose_voxels(found)]
@@ -52,7 +50,7 @@ def anisotropy_findings(
         if found is not None and said:
             yield from _beyond_tolerance(found.transform, fit, accepted)
         return
-    wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
+    wider = refined_fit(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
     if any(diagnose_anisotropy(wider.transform.scales, wider.least_covariance)):
         noise = estimate_noise(table, wider, groupings.labels, time=groupings.time)

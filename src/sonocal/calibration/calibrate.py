@@ -9,7 +9,7 @@ from typing import Unpack
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
-from sonocal.calibration.few_targets import few_fixed_targets
+from sonocal.calibration.few_targets import beside_unsure_places, few_fixed_targets
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.lagged import LaggedTable, without_lag
@@ -105,7 +105,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         refuse_apparent(table, fit.inlier, noise.apparent)
     mapped, few = mapped_rows(fit.transform, table), few_fixed_targets(table, fit.inlier)
     size, seen, area = image_area(rows, fit.inlier, asked.image_size_px)
-    noise, rival = beside_rival(noise, fit, mirrored, area)
+    noise, rival = beside_rival(beside_unsure_places(noise, mapped, fit), fit, mirrored, area)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.registration.fit import Fit
+from sonocal.registration.mapped import Mapped, MappedTargets
+from sonocal.registration.noise import Noise
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
+from sonocal.registration.unsure_places import unsure_places
 
-__all__ = ["few_fixed_targets", "few_targets_finding"]
+__all__ = ["beside_unsure_places", "few_fixed_targets", "few_targets_finding"]
 
 # An offset of each of three wires has six numbers that residuals can show, and a calibration takes up seven.
 ENOUGH_TARGETS = 4
@@ -25,7 +30,7 @@ def few_fixed_targets(table: PointLineRows | TargetRows, inlier: NDArray[np.bool
     """How many targets there are, if they are too few and keep their places to one another; else 0.
 
     A needle that is moved about is one target with as many places as it has poses: it never counts as few. What is
-    unknown of the places of few planes is told by their rows (`place_errors`).
+    unknown of the places of few planes is told by their rows (`beside_unsure_places`).
 
     Args:
         table: the fitted rows.
@@ -65,11 +70,30 @@ def few_targets_finding(count: int) -> Iterator[Diagnostic]:
 def _few_of_mix(table: TargetRows, inlier: NDArray[np.bool_]) -> int:
     """As of lines; but targets that are not seen to move against one another count as fixed."""
     used = np.unique(table.target[inlier])
-    spans = [np.unique(table.spans[inlier & (table.target == one)]) for one in used]
-    if len(used) >= ENOUGH_TARGETS or all(len(one) == 1 and one[0] == 3 for one in spans):
+    if len(used) >= ENOUGH_TARGETS or _few_planes(table, inlier):
         return 0
     moves = any(_moved_apart(table, inlier, int(used[0]), int(other)) for other in used[1:])
     return 0 if moves else len(used)
+
+
+def _few_planes(table: TargetRows, inlier: NDArray[np.bool_]) -> bool:
+    few = len(np.unique(table.target[inlier])) < ENOUGH_TARGETS
+    return bool(inlier.any() and few and np.all(table.spans[inlier] == 3))
+
+
+def beside_unsure_places(noise: Noise, mapped: Mapped, fit: Fit) -> Noise:
+    """The noise, with what few planes add to its covariance by not being where they are said to be.
+
+    Args:
+        noise: of the answer.
+        mapped: the fitted rows under it.
+        fit: the answer.
+    """
+    if not isinstance(mapped, MappedTargets) or not _few_planes(mapped.table, fit.inlier):
+        return noise
+    if not np.isfinite(noise.covariance).all():
+        return noise
+    return replace(noise, covariance=noise.covariance + unsure_places(mapped, fit))
 
 
 def _moved_apart(table: TargetRows, inlier: NDArray[np.bool_], one: int, other: int) -> bool:

@@ -64,17 +64,17 @@ def fit_targets(rows: TargetRows, options: Options) -> Fit:
 
 
 def refine_targets(start: AxisScaled, rows: TargetRows, chosen: NDArray[np.bool_], options: Options) -> Fit:
-    """The best similarity near a start on chosen rows (N,), all of a sighting alike; as it was, if it runs away."""
-    some, unlimited = rows.select(chosen), replace(options, threshold_mm=np.inf)
+    """The best transform near a start on chosen rows (N,), all of a sighting alike; as it was, if it runs away."""
+    some, unlimited = rows.select(chosen), Options(model=options.model, threshold_mm=np.inf)
     levels = rows.level_px(options.sigma_px), rows.level_mm(options.sigma_mm)
     found = _core.maximise(some.core, to_core(start), unlimited.to_core(*levels))
-    there = found.found and found.sound
-    transform = transform_of(found) if there else start
+    there, k = found.found and found.sound, PARAMETERS + (options.model == "anisotropic")
+    transform = transform_of(found, options.model) if there else start
     away = MappedTargets(transform, rows).distances
     return Fit(
         transform=transform,
         options=options,
-        covariance=found.covariance if there else np.full((PARAMETERS, PARAMETERS), np.nan),
+        covariance=found.covariance if there else np.full((k, k), np.nan),
         sigma_px=found.level_px,
         sigma_mm=found.level_mm,
         residuals_mm=away,
