@@ -18,12 +18,9 @@ from sonocal.calibration.thickness import likeliest_of_slice
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.ambiguity import Rival
-from sonocal.registration.degeneracy import (
-    NearDegeneracy,
-    near_degeneracy,
-)
 from sonocal.registration.fit import Fit
 from sonocal.registration.mapped import Mapped, MappedRows
+from sonocal.registration.near_degeneracy import NearDegeneracy, near_degeneracy
 from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
@@ -303,5 +300,5 @@ def weakness_findings(
     if worst <= tolerance_mm:
         return
     motion = weakest_motion(transform, noise.covariance, corners)
-    near = near_degeneracy(table, inlier) if isinstance(table, PointLineRows) else None
+    near = near_degeneracy(table, inlier)
     yield from diagnose_weakness(motion, noise.freedom, worst, accepted, near)

@@ -10,15 +10,17 @@ from sonocal.geometry import AxisScaled
 from sonocal.registration.ambiguity import better_of_mirrored
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
-    near_degeneracy,
-    nearly_degenerate,
     refuse_degenerate_lines,
     refuse_free_motion,
-    refuse_nearly_degenerate,
 )
 from sonocal.registration.fit import Fit
 from sonocal.registration.fit_targets import fit_targets, refine_targets
 from sonocal.registration.mirrored import refuse_mirrored_volume
+from sonocal.registration.near_degeneracy import (
+    near_degeneracy,
+    nearly_degenerate,
+    refuse_nearly_degenerate,
+)
 from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS, fit_point_lines
@@ -58,7 +60,7 @@ def best_fit(rows: PointLineRows | TargetRows, options: Options) -> tuple[Fit, F
     Source: paper sections 6 to 9.
     """
     if isinstance(rows, TargetRows):
-        return fit_targets(rows, options), None
+        return _fit_targets(rows, options), None
     try:
         return _best_fit(rows, options)
     except (NoConsensusError, DegenerateGeometryError) as refusal:
@@ -66,6 +68,14 @@ def best_fit(rows: PointLineRows | TargetRows, options: Options) -> tuple[Fit, F
         if rows.dimension == 3 and nearly_degenerate(rows) is None:
             agreed = getattr(refusal, "best_count", 0)
             refuse_mirrored_volume(rows, options, agreed, lambda *other: _best_fit(*other)[0])
+        raise
+
+
+def _fit_targets(rows: TargetRows, options: Options) -> Fit:
+    try:
+        return fit_targets(rows, options)
+    except NoConsensusError as error:
+        refuse_nearly_degenerate(rows, str(error))
         raise
 
 
@@ -99,7 +109,7 @@ def _refuse_scattered(rows: PointLineRows, fit: Fit) -> None:
     if near is not None:
         raise DegenerateGeometryError(
             f"only {agreeing} once refined; check which tool's transform carried the lines, which way it goes, "
-            f"and that rows and poses are of the same instant; where they are: {near.cause}, and of lines that "
+            f"and that rows and poses are of the same instant; where they are: {near.cause}, and of such that "
             f"did so exactly {near.free}; {near.advice}",
             code=near.code,
         )

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import InputError, NoConsensusError, require
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, require
 from sonocal.geometry import Array, Similarity
 from sonocal.registration.alternatives import alternatives_to
 from sonocal.registration.certificate import Certificate, LazyCertificate, certificate_of
-from sonocal.registration.constraints import Rows
+from sonocal.registration.constraints import Rows, refuse_degenerate_rows
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
     refuse_degenerate_lines,
@@ -38,6 +38,9 @@ from sonocal.registration.rows import PointLineRows
 from sonocal.registration.told import Told, scale_of, sigmas_of, weights_of
 
 __all__ = ["PARAMETERS", "Registration", "register"]
+
+# Of where it comes to: a source of that size is a point but for rounding.
+SHRUNK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +246,7 @@ def _consensus_of_mix(
         )
     similarity = transform_of(found)
     assert isinstance(similarity, Similarity)
+    _refuse_shrunk(constraints, similarity)
     inlier = found.residuals_mm <= found.threshold
     if np.diff(constraints.first)[inlier].sum() < PARAMETERS:
         raise NoConsensusError(
@@ -252,6 +256,20 @@ def _consensus_of_mix(
         )
     refuse_chance(constraints.core, similarity, found.residuals_mm, found.threshold)
     return found, similarity
+
+
+def _refuse_shrunk(constraints: Rows, similarity: Similarity) -> None:
+    """Raise where the source comes to one point, but for rounding: all targets meet there."""
+    mapped = similarity @ constraints.points
+    if np.ptp(mapped, axis=0).max() > SHRUNK * np.abs(similarity.translation).max():
+        return
+    refuse_degenerate_rows(constraints.points, constraints.planes)
+    x, y, z = mapped[0]
+    raise DegenerateGeometryError(
+        f"all {len(constraints.first) - 1} targets pass through one point, ({x:.3g}, {y:.3g}, {z:.3g}), so the scale "
+        "is free; add some that do not",
+        code="lines-through-one-point",
+    )
 
 
 def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:

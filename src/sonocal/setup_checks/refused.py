@@ -10,8 +10,8 @@ import numpy as np
 from sonocal.findings import DECISIVE, Diagnostic, warnings_first
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
-from sonocal.registration.degeneracy import nearly_degenerate
 from sonocal.registration.mirrored import mirrored_finding
+from sonocal.registration.near_degeneracy import nearly_degenerate
 from sonocal.registration.options import Model
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
@@ -63,7 +63,7 @@ def check_late(refused: Refused) -> Iterator[Diagnostic]:
 def check_mirrored(refused: Refused) -> Iterator[Diagnostic]:
     """A volume that fits once it is mirrored; where it fits nothing as it stands, the refusal says so itself."""
     table = refused.table
-    if table.dimension != 3 or (isinstance(table, PointLineRows) and nearly_degenerate(table) is not None):
+    if table.dimension != 3 or nearly_degenerate(table) is not None:
         return
     fit = quick_fit(refused.table.mirrored(), refused.threshold_mm)
     if fit is not None and np.mean(fit.inlier) > GOOD_SHARE:
