@@ -15,7 +15,8 @@ from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks import Refused, refusal_findings
 from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
-from sonocal.setup_checks.lines_in_time import LinesInTime, RowsInTime
+from sonocal.setup_checks.lines_in_time import LinesInTime
+from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.sweep import calibrate_points
 from tests.builders.similarities import random_similarity
 

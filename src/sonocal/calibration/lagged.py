@@ -21,8 +21,8 @@ from sonocal.registration.rows import PointLineRows
 from sonocal.setup_checks.lag_fit import LagFit, fit_lag
 from sonocal.setup_checks.lag_search import MOST_ASKED_S, rough_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM, SIGNIFICANT_LAG
-from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.moving_lines import moving_in_table
+from sonocal.setup_checks.rows_in_time import RowsInTime
 
 __all__ = ["LaggedTable", "lag_in_words", "lag_of_rows", "rows_at_lag", "with_lag", "without_lag"]
 

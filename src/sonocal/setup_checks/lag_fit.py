@@ -16,8 +16,8 @@ from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.uncertainty import point_jacobian, quantile_95
 from sonocal.registration.whitened import whitened
-from sonocal.setup_checks.lines_in_time import RowsInTime, ShiftedRows
 from sonocal.setup_checks.motion import FEWEST_FRAMES
+from sonocal.setup_checks.rows_in_time import RowsInTime, ShiftedRows
 
 __all__ = ["LagFit", "fit_lag"]
 

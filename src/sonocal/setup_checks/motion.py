@@ -12,7 +12,7 @@ from sonocal.geometry import Array
 from sonocal.observations import group_codes
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.setup_checks.evidence import Evidence
-from sonocal.setup_checks.lines_in_time import time_of, tracks_of
+from sonocal.setup_checks.rows_in_time import time_of, tracks_of
 
 __all__ = ["FEWEST_FRAMES", "Motion", "motion_of", "ridged"]
 

@@ -18,8 +18,8 @@ from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.late import lag_finding
 from sonocal.setup_checks.latency import LEAST_LAG_MM
-from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.placement import GOOD_SHARE, POOR_SHARE, USUAL_MM, quick_fit, wrong_frame
+from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.setup_checks.threshold import ENOUGH_DEVIATIONS, agreeing_further, threshold_too_small
 
 __all__ = ["CHECKS", "Refused", "refusal_findings"]
