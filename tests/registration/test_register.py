@@ -167,3 +167,10 @@ def test_pairs_exchanged_at_random_are_refused(kind, seed):
     }
     with pytest.raises(NoConsensusError, match=r"chance|no similarity brings |no calibration brings"):
         reg.register(replace(here, **swapped), threshold_mm=1.0)
+
+
+def test_points_that_agree_best_as_one_point_are_refused():
+    source = [[0.16217, -0.58789, -0.11525], [0.72122, 0.24755, -0.34556], [0.87844, 0.68607, -0.72217]]
+    target = [[-0.15927, 0.56374, 0.46177], [0.90287, -0.47109, -0.18816], [-0.41622, 0.74658, -0.79281]]
+    with pytest.raises(NoConsensusError, match="shrinks the source to a point"):
+        reg.register(reg.point_point(source, target))

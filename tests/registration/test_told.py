@@ -94,6 +94,7 @@ def test_what_is_told_wrongly_is_refused_in_a_sentence():
         ({"sigma_mm": np.r_[np.ones(23), 1e9]}, "a ratio beyond 1e"),
         ({"scale": 0.0}, "scale must be a positive number"),
         ({"scale": np.nan}, "scale must be a positive number"),
+        ({"scale": 9e-99}, r"scale is 9e-99; give one between 1e-15 and 1e\+15"),
     ):
         with pytest.raises(sc.InputError, match=sentence):
             register(rows, **told)

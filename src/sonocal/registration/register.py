@@ -39,8 +39,10 @@ from sonocal.registration.told import Told, scale_of, sigmas_of, weights_of
 
 __all__ = ["PARAMETERS", "Registration", "register"]
 
-# Of where it comes to: a source of that size is a point but for rounding.
+# Of how far targets are missed: a source whose picture is smaller is a point there.
 SHRUNK = 1e-9
+# Of where it comes to: a source of that size is a point but for rounding.
+ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +240,8 @@ def _consensus_of_mix(
     if not found.found:
         refuse_free(constraints)
         raise NoConsensusError("no minimal sample of the correspondences has a similarity", best_count=0)
-    if not (found.scales[0] > 0 and np.isfinite(found.translation).all()):
+    size_mm = found.scales[0] * float(np.ptp(constraints.points, axis=0).max())
+    if not (size_mm > SHRUNK * found.residuals_mm.min() and np.isfinite(found.translation).all()):
         raise NoConsensusError(
             "no similarity brings the correspondences together: the best one shrinks the source to a point; "
             "check that they are matched and in the units meant",
@@ -261,7 +264,7 @@ def _consensus_of_mix(
 def _refuse_shrunk(constraints: Rows, similarity: Similarity) -> None:
     """Raise where the source comes to one point, but for rounding: all targets meet there."""
     mapped = similarity @ constraints.points
-    if np.ptp(mapped, axis=0).max() > SHRUNK * np.abs(similarity.translation).max():
+    if np.ptp(mapped, axis=0).max() > ROUNDED * np.abs(similarity.translation).max():
         return
     refuse_degenerate_rows(constraints.points, constraints.planes)
     x, y, z = mapped[0]

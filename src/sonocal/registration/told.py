@@ -17,6 +17,8 @@ __all__ = ["Told", "scale_of", "sigmas_of", "weights_of"]
 
 # Of two deviations: a correspondence that is surer than another by more than this leaves the other without any say.
 MOST_RATIO = 1e6
+# A micrometre against the Earth, and the other way round.
+LARGEST_SCALE = 1e15
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +61,15 @@ def scale_of(value: float | Array) -> float:
     """A scale that is known, also as another transform has it.
 
     Raises:
-        InputError: it is no positive number.
+        InputError: it is no positive number, or of no two things that one could see.
     """
     plain = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
-    return positive_number("scale", plain)
+    scale = positive_number("scale", plain)
+    if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
+        raise InputError(
+            f"scale is {scale:.3g}; give one between {1 / LARGEST_SCALE:g} and {LARGEST_SCALE:g}"
+        )
+    return scale
 
 
 def weights_of(sigma_mm: ArrayLike, count: int) -> Array:
