@@ -16,7 +16,7 @@ using namespace sonocal;
 namespace {
 
 Certificate of_lines(const Table& table, const Chosen& chosen, const Transform& at, const Options& options) {
-  check_model(table, options);
+  check_model(table.dimension, options);
   require(options.weighting == Weighting::kGeometric || options.levels.px > 0 || options.levels.mm > 0,
           "the likelihood's weights need a noise level");
   const bool* rows = checked_rows(chosen, table);

@@ -39,7 +39,7 @@ inline void check_scale(double scale) {
   require(scale >= 0 && scale < kMostScale, "scale is not a number from 0 on");
 }
 
-inline void check_model(const sonocal::Table& table, const sonocal::Options& options) {
-  require(table.dimension == 2 || options.model == sonocal::Model::kSimilarity,
+inline void check_model(int dimension, const sonocal::Options& options) {
+  require(dimension == 2 || options.model == sonocal::Model::kSimilarity,
           "the anisotropic model is of 2D images");
 }

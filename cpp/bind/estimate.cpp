@@ -10,6 +10,7 @@
 
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
+#include "bind/white.hpp"
 #include "sonocal/correspondences/chance.hpp"
 #include "sonocal/estimate/lines_agreement.hpp"
 #include "sonocal/estimate/mixed_estimate.hpp"
@@ -117,7 +118,7 @@ PyEstimate to_python(const Estimate& e) {
 
 PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
   const Table table = bound.lines();
-  check_model(table, options);
+  check_model(table.dimension, options);
   Estimate result;
   bool plain = false;
   {
@@ -134,7 +135,7 @@ PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
 PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transform& start,
                      const Options& options) {
   const Table table = bound.lines();
-  check_model(table, options);
+  check_model(table.dimension, options);
   const bool* rows = checked_rows(chosen, table);
   Estimate result;
   {
@@ -146,14 +147,7 @@ PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transf
 
 PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, const Transform& at,
                               const Options& options) {
-  const Table table = bound.lines();
-  check_model(table, options);
-  const bool* rows = checked_rows(chosen, table);
-  WhiteResiduals white;
-  {
-    nb::gil_scoped_release unlocked;
-    white = white_residuals(table, rows, at, options);
-  }
+  WhiteResiduals white = white_of(bound, chosen, at, options);
   PyEstimate result;
   result.found = result.converged = true;
   result.inliers = static_cast<int>(white.residual.size() / 2);
@@ -197,7 +191,8 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
 PyEstimate py_maximise(const BoundTable& bound, const Transform& start, const Options& options,
                        bool scale_known) {
   const MixedTable table = bound.targets();
-  require(options.model == Model::kSimilarity, "only a similarity is fitted to a mix");
+  check_model(table.dimension, options);
+  require(options.model == Model::kSimilarity || !scale_known, "one scale that is known is a similarity's");
   const Model model = scale_known ? Model::kScaleKnown : options.model;
   MixedEstimate e;
   {

@@ -8,6 +8,7 @@
 
 #include "bind/chosen.hpp"
 #include "bind/table.hpp"
+#include "bind/white.hpp"
 #include "sonocal/estimate/apparent.hpp"
 #include "sonocal/estimate/drift.hpp"
 #include "sonocal/estimate/extent.hpp"
@@ -23,6 +24,7 @@ namespace {
 
 using Codes = In<std::int32_t, nb::ndim<1>>;
 using Times = In<double, nb::ndim<1>>;
+using Covariance = In<double, nb::ndim<2>>;
 
 struct NoiseSums {
   std::vector<int> kept;
@@ -33,7 +35,7 @@ struct NoiseSums {
   double apparent = 0;
 };
 
-TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Options& options) {
+TangentMatrix tangent_matrix(const Covariance& values, const Options& options) {
   const auto k = static_cast<std::size_t>(parameter_count(options.model));
   require(values.shape(0) == k && values.shape(1) == k,
           "covariance has not as many rows and columns as the model has parameters");
@@ -42,18 +44,18 @@ TangentMatrix tangent_matrix(const In<double, nb::ndim<2>>& values, const Option
   return Eigen::Map<const Eigen::MatrixXd>(values.data(), side, side).transpose();
 }
 
-std::vector<const std::int32_t*> checked_codes(const std::vector<Codes>& groupings, const Table& table) {
+std::vector<const std::int32_t*> checked_codes(const std::vector<Codes>& groupings, int rows) {
   std::vector<const std::int32_t*> out;
   for (const Codes& codes : groupings) {
-    require(codes.shape(0) == static_cast<std::size_t>(table.rows),
+    require(codes.shape(0) == static_cast<std::size_t>(rows),
             "a grouping has not as many entries as the table has rows");
     out.push_back(codes.data());
   }
   return out;
 }
 
-const double* checked_times(const Times& time, const Table& table) {
-  require(time.shape(0) == static_cast<std::size_t>(table.rows),
+const double* checked_times(const Times& time, int rows) {
+  require(time.shape(0) == static_cast<std::size_t>(rows),
           "time has not as many entries as the table has rows");
   check_finite(time.data(), time.shape(0), "time");
   return time.data();
@@ -81,22 +83,20 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
 }
 
 NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at,
-                     const Options& options, const In<double, nb::ndim<2>>& covariance,
+                     const Options& options, const std::optional<Covariance>& covariance,
                      const std::vector<Codes>& groupings, const std::optional<Times>& time, bool known_px,
                      bool known_mm) {
-  const Table table = bound.lines();
-  check_model(table, options);
-  const bool* rows = checked_rows(chosen, table);
-  const TangentMatrix of_tangent = tangent_matrix(covariance, options);
-  const std::vector<const std::int32_t*> codes = checked_codes(groupings, table);
-  const double* times = time ? checked_times(*time, table) : nullptr;
+  const std::vector<const std::int32_t*> codes = checked_codes(groupings, bound.rows());
+  const double* times = time ? checked_times(*time, bound.rows()) : nullptr;
+  TangentMatrix of_tangent = covariance ? tangent_matrix(*covariance, options) : TangentMatrix();
+  const WhiteResiduals white = white_of(bound, chosen, at, options);
   SharedErrors shared;
   WiderCovariance wider;
   Drift drift;
   Apparent apparent;
   {
     nb::gil_scoped_release unlocked;
-    const WhiteResiduals white = white_residuals(table, rows, at, options);
+    if (!covariance) of_tangent = inverse_information(white.jacobian);
     // With the likelihood's weights, what the points of one sighting share is in the weights already.
     const bool weighted = options.weighting == Weighting::kLikelihood;
     const std::size_t units =
@@ -104,14 +104,14 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
     shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
     wider =
         small_sample_covariance(white.jacobian, by_unknown(white, options, known_px, known_mm), of_tangent);
-    if (times != nullptr) drift = drift_of(white, times, table.labels.target, of_tangent);
+    if (times != nullptr) drift = drift_of(white, times, bound.target_codes(), of_tangent);
     const double px_share = white.by_level.col(0).mean() * options.levels.px * options.levels.px;
     apparent = apparent_of(white, px_share, wider.ratio_variance, of_tangent);
   }
   return {shared.kept,
           to_numpy(shared.expected),
           to_numpy(shared.observed),
-          stacked(shared.of_offsets, covariance.shape(0)),
+          stacked(shared.of_offsets, static_cast<std::size_t>(of_tangent.rows())),
           to_numpy(wider.covariance),
           wider.freedom,
           drift,
@@ -174,8 +174,8 @@ void bind_noise(nb::module_& m) {
       .def_prop_ro("ends", &as_array<&Extent::ends>, owned)
       .def_prop_ro("points", &as_array<&Extent::points>, owned);
   m.def("noise_sums", &noise_sums, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a,
-        "covariance"_a.noconvert(), "groupings"_a, nb::kw_only(), "time"_a.noconvert().none() = nb::none(),
-        "known_px"_a, "known_mm"_a);
+        "covariance"_a.noconvert().none(), "groupings"_a, nb::kw_only(),
+        "time"_a.noconvert().none() = nb::none(), "known_px"_a, "known_mm"_a);
   m.def("residual_vectors", &py_residual_vectors, "table"_a, "at"_a);
   m.def("stretch_length", &py_stretch_length, "residuals"_a.noconvert(), "frames"_a.noconvert());
   m.def("extent", &py_extent, "table"_a, "chosen"_a.noconvert().none() = nb::none());

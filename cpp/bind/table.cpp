@@ -116,7 +116,7 @@ BoundTable BoundTable::of_planes(Points points, Planes planes, First first) {
 }
 
 BoundTable BoundTable::of_targets(Points points, First first, Spanning spanning, First spans,
-                                  Factors noise_px, Factors noise_mm, int dimension) {
+                                  Factors noise_px, Factors noise_mm, Codes targets, int dimension) {
   const std::size_t rows = points.shape(0), count = spanning.shape(0);
   require(dimension == 2 || dimension == 3, "dimension is neither 2 nor 3");
   require(rows > 0 && rows <= kMostRows, "a table has between one row and 2^28");
@@ -130,7 +130,9 @@ BoundTable BoundTable::of_targets(Points points, First first, Spanning spanning,
   for (std::size_t c = 0; c < count; ++c) check_spanning(spanning.data() + 9 * c, spans.data()[c]);
   check_factors(noise_px, rows, "noise_px");
   check_factors(noise_mm, count, "noise_mm");
+  checked_codes(targets, rows, "targets");
   BoundTable table;
+  table.targets_ = targets;
   table.kind_ = Kind::kTargets;
   table.points_ = points;
   table.rows_ = static_cast<int>(rows);
@@ -190,6 +192,6 @@ void bind_table(nb::module_& m) {
       .def_static("of_targets", &BoundTable::of_targets, "points"_a.noconvert(), "first"_a.noconvert(),
                   "spanning"_a.noconvert(), "spans"_a.noconvert(),
                   "noise_px"_a.noconvert().none() = nb::none(), "noise_mm"_a.noconvert().none() = nb::none(),
-                  nb::kw_only(), "dimension"_a)
+                  "targets"_a.noconvert().none() = nb::none(), nb::kw_only(), "dimension"_a)
       .def("__len__", &BoundTable::rows);
 }

@@ -28,11 +28,13 @@ class BoundTable {
   static BoundTable of_planes(Points points, Planes planes, First first);
 
   static BoundTable of_targets(Points points, First first, Spanning spanning, First spans, Factors noise_px,
-                               Factors noise_mm, int dimension);
+                               Factors noise_mm, Codes targets, int dimension);
 
   int rows() const { return rows_; }
   bool of_points_and_lines() const { return kind_ == Kind::kLines; }
   bool of_points_and_targets() const { return kind_ == Kind::kTargets; }
+  // Which target each point is of, from 0 on; null where nobody said so.
+  const std::int32_t* target_codes() const { return targets_ ? targets_->data() : nullptr; }
   // Each refuses a table of the other kind.
   sonocal::Table lines() const;
   sonocal::Correspondences planes() const;

@@ -48,7 +48,7 @@ CODES = {
     "bent-needle": "residuals follow the place along the needle",
     "drifting-residuals": "neighbouring frames repeat one another's error",
     "few-targets": "too few wires to tell how far off the answer is",
-    "unchecked-set-up": "nothing was looked for that is looked for in tables of lines",
+    "unchecked-set-up": "what was not looked for",
     "offset-in-tracker": "the needle is off by one offset in the tracker's frame",
     "error-follows-pose": "images near in pose share an error",
     "shared-target-error": "rows of a needle or wire share an error",

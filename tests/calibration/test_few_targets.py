@@ -85,7 +85,7 @@ def test_a_trackers_noise_leaves_a_phantom_one_and_a_hand_does_not(seed, sigma_m
 def test_the_finding_says_how_many_and_nothing_of_none():
     assert not list(few_targets_finding(0))
     (found,) = few_targets_finding(3)
-    assert found.message.startswith("all rows are of 3 wires")
+    assert found.message.startswith("all rows are of 3 targets that keep")
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])

@@ -54,11 +54,11 @@ def test_distances_are_those_from_points_lines_and_planes():
         assert found[row] == pytest.approx(np.linalg.norm(away), rel=1e-9)
 
 
-def test_it_says_what_was_not_looked_for_and_is_used_with_care():
+def test_a_sound_mix_is_used_and_says_what_was_not_looked_for():
     _, table = mixed_table(1, image_size_px=(640, 480))
     found = sc.calibrate(table)
-    assert "unchecked-set-up" in [one.code for one in found.warnings]
-    assert give_verdict(found).level == "care"
+    assert [(one.code, one.severity) for one in found.diagnostics] == [("unchecked-set-up", "info")]
+    assert give_verdict(found).level == "use"
     assert found.certificate == "optimal"
     again = parse_calibration(calibration_json(found), "c.json")
     np.testing.assert_array_equal(again.probe_from_image.matrix, found.probe_from_image.matrix)

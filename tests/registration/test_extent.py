@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError
 from sonocal.geometry import Similarity, segment_directions
-from sonocal.registration.degeneracy import direction_spread, near_degeneracy, refuse_degenerate_lines
+from sonocal.registration.degeneracy import direction_spread, refuse_degenerate_lines
+from sonocal.registration.near_degeneracy import near_degeneracy
 from sonocal.registration.rows import PointLineRows
 from tests.builders.point_lines import moved, reordered, scene_rows
 from tests.builders.similarities import random_similarity

@@ -15,7 +15,8 @@ from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks import Refused, refusal_findings
 from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
-from sonocal.setup_checks.lines_in_time import LinesInTime, RowsInTime
+from sonocal.setup_checks.lines_in_time import LinesInTime
+from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.sweep import calibrate_points
 from tests.builders.similarities import random_similarity
 
@@ -99,7 +100,7 @@ def test_a_steady_motion_stays_one_whatever_the_stamps():
     asked = rng.uniform(time[0], time[-1], 100)
     moved = lines.at(np.zeros(100, dtype=int), asked)
     assert moved.usable.all()
-    np.testing.assert_allclose(moved.segments_mm, start + asked[:, None, None] * pace, atol=1e-9)
+    np.testing.assert_allclose(moved.spanning_mm, start + asked[:, None, None] * pace, atol=1e-9)
     np.testing.assert_allclose(moved.velocities, np.broadcast_to(pace, (100, 2, 3)), atol=1e-9)
 
 

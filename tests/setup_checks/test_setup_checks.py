@@ -31,7 +31,7 @@ from sonocal.setup_checks import (
     check_tool_frame,
 )
 from sonocal.setup_checks.lag_search import find_lag
-from sonocal.setup_checks.lines_in_time import RowsInTime
+from sonocal.setup_checks.rows_in_time import RowsInTime
 
 SEEDS = range(50)
 # Of 50 scans: found in at least, raised without cause in at most.

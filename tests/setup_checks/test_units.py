@@ -61,7 +61,7 @@ def test_what_scanners_and_needles_are_is_not_doubted(mm_per_px, needle_mm, away
     points, segments = rng.uniform(0, 500, (20, 2)), np.zeros((20, 2, 3)) + away_mm
     segments[:, 1, 2] += needle_mm
     assert not scale_hints(np.array([mm_per_px]))
-    assert not length_hints(points, segments)
+    assert not length_hints(points, np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1))
     assert not needle_hints("needle", needle_mm)
     poses = random_poses(rng, 20)
     poses[:, :3, 3] += away_mm

@@ -1,8 +1,12 @@
 #include "sonocal/estimate/white_residuals.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
-#include "sonocal/linalg/product.hpp"
+#include "sonocal/estimate/mixed_noise.hpp"
+#include "sonocal/estimate/white_rows.hpp"
+#include "sonocal/linalg/ldlt.hpp"
 
 namespace sonocal {
 
@@ -22,116 +26,126 @@ TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, con
 
 namespace {
 
-constexpr int kMostParameters = 8;
-using TangentSquare = Eigen::Matrix<double, kMostParameters, kMostParameters>;
-
-// sum += by v v'
-void add_outer(TangentSquare& sum, double by, const TangentRow& v) {
-  for (int c = 0; c < kMostParameters; ++c) {
-    const double of_column = by * v[c];
-    for (int r = 0; r < kMostParameters; ++r) sum.data()[r + kMostParameters * c] += of_column * v[r];
-  }
+// The i-th row of a block as seen along its k-th normal.
+WhiteRow row_of(const IndependentBlock& block, int i, int k) {
+  const auto vector = [i](const double (*axes)[Block::kRows]) {
+    return Vector3d(axes[0][i], axes[1][i], axes[2][i]);
+  };
+  return {vector(block.normal[k]), vector(block.x),   block.h[i],       block.residual[k][i],
+          block.weight[k][i],      block.alpha[k][i], block.beta[k][i], block.first_row[i]};
 }
 
-// Where a segment's middle is along its direction, and half its length.
-struct Needle {
-  double middle, half_length;
-};
-
-// Sums over residuals r = n . (S x + h t) + h o with variance v = A + B, A of pixels and B of the segment's
-// ends.
-//
-// A pixel's noise e adds n . dS e to the derivative J of r, the direction's noise q = -(n . q) d . d(S x + h
-// t): both are in J'J, and in J'r, too, where the derivatives of A and B take them out as long as the levels
-// are right.
-struct NoiseInJacobian {
-  TangentSquare px = TangentSquare::Zero(), mm = TangentSquare::Zero();
-  TangentRow by_ratio = TangentRow::Zero();
-
-  // a, b: the squared levels of the row's point and segment.
-  void add(const Vector3d& n, const Vector3d& d, const Vector3d& x, double h, const Needle& needle,
-           const Transform& at, const Matrix3d& s, int dimension, int parameters, double weight, double a,
-           double b) {
-    const double tau = (d.dot(s * x + h * at.translation) - h * needle.middle) / needle.half_length;
-    const TangentRow along = residual_jacobian(d, x, h, s, parameters);
-    TangentRow by_px = TangentRow::Zero();  // half the derivative of A
-    double of_px = 0;
-    for (int axis = 0; axis < dimension; ++axis) {
-      const TangentRow of_axis = residual_jacobian(n, Vector3d::Unit(axis), 0, s, parameters);
-      const double seen = n.dot(s.col(axis));
-      add_outer(px, weight * a, of_axis);
-      by_px += (a * seen) * of_axis;
-      of_px += a * seen * seen;
-    }
-    const double length = needle.half_length, of_mm = 1 / weight - of_px;
-    add_outer(mm, weight * 0.5 * b / (length * length), along);
-    by_ratio += (weight * weight) * ((of_px * 0.5 * b * tau / length) * along - of_mm * by_px);
-  }
-};
+// Half of a needle's length makes of its ends' noise what one reach does: (1 + tau^2) / 2.
+Reaches reaches_of(const PointLines& rows, int row) {
+  const double length = std::sqrt(2.0) * rows.half_length(row);
+  Reaches out;
+  out.count = 1;
+  out.reach[0] = rows.direction(row) / length;
+  out.middle[0] = rows.middle(row) / length;
+  return out;
+}
 
 template <int kParameters>
 WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& at, const Options& options) {
   const PointLines rows(table.points, table.segments, table.rows, table.dimension);
   const Normalisation& n = rows.normalisation();
-  const Transform normalised = n.to_normalised(at);
-  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
-  const Matrix from_original = tangent_to_normalised<kParameters>(at, n);
   const bool alike = options.weighting == Weighting::kGeometric;
   PointLines::Column selector(table.rows);
   for (int i = 0; i < table.rows; ++i) selector[i] = chosen[i] ? 0.0 : 1.0;
   const NoiseModel noise(rows, sightings_of(table), table.noise, selector, 0.5,
                          alike ? NoiseModel::Kind::kAlike : NoiseModel::Kind::kPhysical);
-  const double px = 1 / (n.image_size * n.image_size), mm = 1 / (n.size * n.size);
-  const Variances levels =
-      alike ? Variances{0, mm}
-            : Variances{px * std::pow(options.levels.px, 2), mm * std::pow(options.levels.mm, 2)};
-
+  const Variances levels = alike ? Variances{0, 1 / (n.size * n.size)} : variances(n, options.levels);
   const int count = 2 * static_cast<int>((selector < 0.5).count());
-  WhiteResiduals out;
-  out.jacobian.resize(count, kParameters);
-  out.shift.resize(count, 3);
-  out.residual.resize(count);
-  out.by_level.setZero(count, 2);
-  out.row.reserve(count);
-  const Matrix3d linear = normalised.linear();
-  NoiseInJacobian in_jacobian;
-  NoiseBlocks blocks(noise, normalised, levels);
+  WhiteRows<kParameters> out(count, at, n, table.dimension, alike);
+  NoiseBlocks blocks(noise, out.at(), levels);
   IndependentBlock block;
-  int to = 0;
   while (blocks.next(block))
-    for (int i = 0; i < block.count; ++i)
-      for (int k = 0; k < PointLines::kPlanes; ++k, ++to) {
-        const double weight = block.weight[k][i], root = std::sqrt(weight);
-        const Vector3d normal(block.normal[k][0][i], block.normal[k][1][i], block.normal[k][2][i]);
-        const Vector3d x(block.x[0][i], block.x[1][i], block.x[2][i]);
-        if (!alike) out.by_level.row(to) << block.alpha[k][i] * px * weight, block.beta[k][i] * mm * weight;
-        out.residual[to] = root * block.residual[k][i];
-        const TangentRow jacobian = residual_jacobian(normal, x, block.h[i], linear, kParameters);
-        for (int c = 0; c < kParameters; ++c) {
-          double sum = 0;
-          for (int j = 0; j < kParameters; ++j) sum += jacobian[j] * from_original(j, c);
-          out.jacobian(to, c) = root * sum;
-        }
-        out.shift.row(to) = (root * block.h[i] / n.size) * normal.transpose();
-        const int row = block.first_row[i];
-        out.row.push_back(row);
-        if (alike) continue;
-        const double fp = table.dimension == 2 && table.noise.px ? table.noise.px[row] : 1;
-        const double fm = table.noise.mm ? table.noise.mm[row] : 1;
-        in_jacobian.add(normal, rows.direction(row), x, block.h[i], {rows.middle(row), rows.half_length(row)},
-                        normalised, linear, table.dimension, kParameters, weight, levels.px * fp * fp,
-                        levels.mm * fm * fm);
-      }
-  const auto original = [&](const TangentSquare& sums) -> TangentMatrix {
-    const Matrix used = sums.template topLeftCorner<kParameters, kParameters>();
-    return transposed_product(from_original, product(used, from_original));
-  };
-  out.from_noise[0] = original(in_jacobian.px);
-  out.from_noise[1] = original(in_jacobian.mm);
-  const Eigen::Matrix<double, kParameters, 1> by_ratio =
-      in_jacobian.by_ratio.transpose().template head<kParameters>();
-  out.by_ratio = transposed_product(from_original, by_ratio);
+    for (int i = 0; i < block.count; ++i) {
+      const int row = block.first_row[i];
+      const Reaches reaches = reaches_of(rows, row);
+      const double fp = table.dimension == 2 && table.noise.px ? table.noise.px[row] : 1;
+      const double fm = table.noise.mm ? table.noise.mm[row] : 1;
+      for (int k = 0; k < PointLines::kPlanes; ++k)
+        out.put(row_of(block, i, k), reaches, levels.px * fp * fp, levels.mm * fm * fm);
+    }
+  return out.finished();
+}
+
+// Of sightings of whatever: every point of a sighting by itself where all distances count alike.
+template <int kParameters>
+void put_alike(const MixedRows& rows, int sighting, double weight, WhiteRows<kParameters>& out) {
+  const Target& target = rows.target(sighting);
+  for (int i = rows.first(sighting); i < rows.first(sighting + 1); ++i) {
+    const Vector3d away = out.at().apply(rows.point(i)) - target.middle;
+    for (int k = 0; k < target.normals; ++k)
+      out.put({target.normal[k], rows.point(i), 1, target.normal[k].dot(away), weight, 0, 0, i}, {}, 0, 0);
+  }
+}
+
+Reaches reaches_of(const Target& target) {
+  Reaches out;
+  out.count = target.reaches;
+  for (int k = 0; k < target.reaches; ++k) {
+    out.reach[k] = target.reach[k];
+    out.middle[k] = target.reach[k].dot(target.middle);
+  }
   return out;
+}
+
+template <int kParameters>
+WhiteResiduals whiten(const MixedTable& table, const bool* chosen, const Transform& at,
+                      const Options& options) {
+  const MixedRows rows(table);
+  const Normalisation& n = rows.normalisation();
+  std::vector<int> sightings, of_point(table.first[table.count]);
+  int count = 0;
+  for (int c = 0; c < rows.size(); ++c) {
+    std::fill(of_point.begin() + rows.first(c), of_point.begin() + rows.first(c + 1), c);
+    if (!chosen[c]) continue;
+    sightings.push_back(c);
+    count += rows.points(c) * rows.target(c).normals;
+  }
+  const bool alike = options.weighting == Weighting::kGeometric;
+  WhiteRows<kParameters> out(count, at, n, table.dimension, alike);
+  if (alike) {
+    for (const int c : sightings) put_alike(rows, c, n.size * n.size, out);
+    return out.finished();
+  }
+  const Variances levels = variances(n, options.levels);
+  const MixedNoise noise(rows, sightings);
+  MixedBlocks blocks(noise, out.at(), levels);
+  IndependentBlock block;
+  while (blocks.next(block))
+    for (int i = 0; i < block.count; ++i) {
+      const int c = of_point[block.first_row[i]];
+      const double fm = rows.mm_factor(c);
+      for (int k = 0; k < 2; ++k)
+        if (block.weight[k][i] > 0)
+          out.put(row_of(block, i, k), reaches_of(rows.target(c)), levels.px, levels.mm * fm * fm);
+    }
+  return out.finished();
+}
+
+// With columns of one length, in whose units rounding is alike.
+template <int kParameters>
+TangentMatrix inverse_as(const WhiteJacobian& jacobian) {
+  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+  constexpr double kLeastPivot = 1e-14;
+  Matrix sum = Matrix::Zero();
+  for (Eigen::Index m = 0; m < jacobian.rows(); ++m)
+    for (int c = 0; c < kParameters; ++c)
+      for (int r = c; r < kParameters; ++r) sum(r, c) += jacobian(m, r) * jacobian(m, c);
+  double size[kParameters];
+  for (int k = 0; k < kParameters; ++k) size[k] = std::sqrt(sum(k, k));
+  for (int c = 0; c < kParameters; ++c)
+    for (int r = c; r < kParameters; ++r) sum(r, c) /= size[r] * size[c];
+  const Ldlt<kParameters> factor(sum);
+  if (!(factor.least_pivot() > kLeastPivot))
+    return TangentMatrix::Constant(kParameters, kParameters, std::numeric_limits<double>::quiet_NaN());
+  Matrix inverse = factor.solve(Matrix(Matrix::Identity()));
+  for (int c = 0; c < kParameters; ++c)
+    for (int r = 0; r < kParameters; ++r) inverse(r, c) /= size[r] * size[c];
+  return inverse;
 }
 
 }  // namespace
@@ -140,6 +154,16 @@ WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Tra
                                const Options& options) {
   return options.model == Model::kSimilarity ? whiten<7>(table, chosen, at, options)
                                              : whiten<8>(table, chosen, at, options);
+}
+
+WhiteResiduals white_residuals(const MixedTable& table, const bool* chosen, const Transform& at,
+                               const Options& options) {
+  return options.model == Model::kSimilarity ? whiten<7>(table, chosen, at, options)
+                                             : whiten<8>(table, chosen, at, options);
+}
+
+TangentMatrix inverse_information(const WhiteJacobian& jacobian) {
+  return jacobian.cols() == 7 ? inverse_as<7>(jacobian) : inverse_as<8>(jacobian);
 }
 
 }  // namespace sonocal

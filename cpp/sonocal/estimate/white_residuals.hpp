@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "sonocal/estimate/mixed_table.hpp"
 #include "sonocal/estimate/small_samples.hpp"
 #include "sonocal/estimate/table.hpp"
 
@@ -32,5 +33,12 @@ struct WhiteResiduals {
 };
 WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Transform& at,
                                const Options& options);
+
+// Likewise of a mix. chosen: of its sightings; `row` holds each one's first point.
+WhiteResiduals white_residuals(const MixedTable& table, const bool* chosen, const Transform& at,
+                               const Options& options);
+
+// (J'J)^-1; no number where a motion is free.
+TangentMatrix inverse_information(const WhiteJacobian& jacobian);
 
 }  // namespace sonocal

@@ -12,11 +12,12 @@ from sonocal.calibration.held_out import FAR
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.axis_scales import AxisScales, axis_scales
+from sonocal.registration.best_fit import refined_fit
 from sonocal.registration.fit import Fit
 from sonocal.registration.noise import estimate_noise
-from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.registration.uncertainty import NORMAL_95, SIGNIFICANT
 
 __all__ = ["anisotropy_findings", "diagnose_anisotropy", "diagnose_voxels"]
@@ -30,7 +31,7 @@ ASSUMED_M_S, WATER_M_S, SPEEDS = 1540.0, 1482.0, 0.06
 
 
 def anisotropy_findings(
-    table: PointLineRows, fit: Fit, groupings: Groupings, accepted: tuple[Array, float, str]
+    table: PointLineRows | TargetRows, fit: Fit, groupings: Groupings, accepted: tuple[Array, float, str]
 ) -> Iterator[Diagnostic]:
     """Fits the wider model too, and tests whether its scales differ, and whether that is more than care can help.
 
@@ -49,7 +50,7 @@ def anisotropy_findings(
         if found is not None and said:
             yield from _beyond_tolerance(found.transform, fit, accepted)
         return
-    wider = refine_point_lines(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
+    wider = refined_fit(fit.transform, table, fit.inlier, replace(fit.levelled, model="anisotropic"))
     # Errors that rows share only widen the covariance: scales alike without them are alike with them.
     if any(diagnose_anisotropy(wider.transform.scales, wider.least_covariance)):
         noise = estimate_noise(table, wider, groupings.labels, time=groupings.time)

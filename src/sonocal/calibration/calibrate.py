@@ -9,12 +9,11 @@ from typing import Unpack
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import fit_findings, predicts
 from sonocal.calibration.evidence import set_up_findings
-from sonocal.calibration.few_targets import few_fixed_targets
+from sonocal.calibration.few_targets import beside_unsure_places, few_fixed_targets
 from sonocal.calibration.groupings import groupings_of
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.lagged import LaggedTable, without_lag
 from sonocal.calibration.left_out import left_out_findings
-from sonocal.calibration.mixed import calibrate_mixed
 from sonocal.calibration.options import Keywords, Options, kept_options
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.repeated import Repeated, fit_distinct
@@ -27,7 +26,7 @@ from sonocal.observations import Observations
 from sonocal.registration.ambiguity import beside_rival
 from sonocal.registration.certificate import LazyCertificate, certificate_of
 from sonocal.registration.degeneracy import refuse_apparent
-from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mapped import mapped_rows
 from sonocal.registration.noise import estimate_noise
 
 __all__ = ["calibrate"]
@@ -96,8 +95,6 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     if asked.sound_speed_m_s is not None:
         return calibrate_through_sound(observations, asked, calibrate)
     given, held_out, asked, late = without_lag(observations, asked)
-    if not given.lines_only:
-        return calibrate_mixed(given, held_out, asked)
     # The transform that most rows agree with, refined on those that do.
     with explained(given, asked):
         rows, (table, fit, mirrored), repeated = fit_distinct(given, asked)
@@ -106,9 +103,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
         noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
         refuse_apparent(table, fit.inlier, noise.apparent)
-    mapped, few = MappedRows(fit.transform, table), few_fixed_targets(table, fit.inlier)
+    mapped, few = mapped_rows(fit.transform, table), few_fixed_targets(table, fit.inlier)
     size, seen, area = image_area(rows, fit.inlier, asked.image_size_px)
-    noise, rival = beside_rival(noise, fit, mirrored, area)
+    noise, rival = beside_rival(beside_unsure_places(noise, mapped, fit), fit, mirrored, area)
     found = Calibration(
         probe_from_image=fit.transform,
         model=fit.model,

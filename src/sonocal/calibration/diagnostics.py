@@ -18,15 +18,13 @@ from sonocal.calibration.thickness import likeliest_of_slice
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.registration.ambiguity import Rival
-from sonocal.registration.degeneracy import (
-    NearDegeneracy,
-    near_degeneracy,
-)
 from sonocal.registration.fit import Fit
-from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mapped import Mapped, MappedRows
+from sonocal.registration.near_degeneracy import NearDegeneracy, near_degeneracy
 from sonocal.registration.noise import Noise
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.registration.uncertainty import (
     WeakMotion,
     point_covariance,
@@ -236,7 +234,7 @@ def _axis(vector: Array) -> str:
 
 
 def fit_findings(
-    found: Calibration, mapped: MappedRows, fit: Fit, rival: Rival | None, groupings: Groupings
+    found: Calibration, mapped: Mapped, fit: Fit, rival: Rival | None, groupings: Groupings
 ) -> Iterator[Diagnostic]:
     """What the fit says of itself.
 
@@ -249,15 +247,16 @@ def fit_findings(
     """
     noise, accepted = found.noise, found.accepted
     yield from few_targets_finding(few_fixed_targets(mapped.table, fit.inlier))
-    yield from diagnose_fit(fit.inlier, fit.threshold_mm, converged=fit.converged)
+    what = "lines" if isinstance(mapped, MappedRows) else "targets"
+    yield from diagnose_fit(fit.inlier, fit.threshold_mm, converged=fit.converged, what=what)
     yield from diagnose_rival(rival)
     yield from weakness_findings(mapped.table, fit.transform, fit.inlier, noise, accepted)
-    if mapped.table.dimension == 2:
+    if isinstance(mapped, MappedRows) and mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
     yield from diagnose_noise(noise)
     stretched = [*anisotropy_findings(mapped.table, fit, groupings, accepted)]
-    if stretched:
-        yield from stretched
+    if stretched or not isinstance(mapped, MappedRows):
+        yield from stretched or _of_lines_alone()
         return
     area, _, area_name = accepted
     looks = (likeliest_of_image, likeliest_of_needle, likeliest_of_slice)
@@ -267,13 +266,25 @@ def fit_findings(
         yield min(likely, key=lambda one: one[0])[1]
 
 
+def _of_lines_alone() -> Iterator[Diagnostic]:
+    yield Diagnostic(
+        code="unchecked-set-up",
+        severity="info",
+        message=(
+            "the table holds points or planes: an image that is distorted, echoes of a thick slice, a bent needle and "
+            "a second one are looked for in tables of lines alone"
+        ),
+        advice="where one of these is likely, calibrate a sweep of a needle too and compare the two",
+    )
+
+
 def predicts(noise: Noise) -> bool:
     """Whether the covariance is one: no row may be left over to tell, or a fit not have come to rest."""
     return bool(np.isfinite(noise.covariance).all() and noise.covariance.diagonal().min() >= 0)
 
 
 def weakness_findings(
-    table: PointLineRows,
+    table: PointLineRows | TargetRows,
     transform: AxisScaled,
     inlier: NDArray[np.bool_],
     noise: Noise,

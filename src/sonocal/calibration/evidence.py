@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from sonocal.calibration.mixed import mapped_of
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import point_line_rows
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
-from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mapped import Mapped
 from sonocal.setup_checks import Evidence, check_setup
 
 __all__ = ["evidence_of", "set_up_findings"]
 
 
 def evidence_of(
-    calibration: Calibration, observations: Observations, mapped: MappedRows | None = None
+    calibration: Calibration, observations: Observations, mapped: Mapped | None = None
 ) -> Evidence:
     """What the set-up checks look at.
 
@@ -23,7 +23,7 @@ def evidence_of(
         mapped: the same under the calibration, where they were mapped before.
     """
     if mapped is None:
-        mapped = MappedRows(calibration.probe_from_image, point_line_rows(observations))
+        mapped = mapped_of(calibration.probe_from_image, observations)
     return Evidence(
         observations=observations,
         mapped=mapped,
@@ -38,7 +38,7 @@ def evidence_of(
 
 
 def set_up_findings(
-    calibration: Calibration, observations: Observations, mapped: MappedRows
+    calibration: Calibration, observations: Observations, mapped: Mapped
 ) -> tuple[Diagnostic, ...]:
     """What the checks find in the fitted rows, with what the calibration's options say of the set-up."""
     options = calibration.options

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from sonocal.calibration.mixed import check_mixed, table_of
 from sonocal.calibration.options import Options
-from sonocal.calibration.rows import check_rows, point_line_rows
+from sonocal.calibration.rows import check_rows
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = ["FittedRows", "fit_rows"]
 
@@ -24,7 +26,7 @@ class FittedRows(NamedTuple):
         mirrored: the other answer that a 2D image of nearly parallel lines has, or None.
     """
 
-    table: PointLineRows
+    table: PointLineRows | TargetRows
     fit: Fit
     mirrored: Fit | None
 
@@ -43,8 +45,11 @@ def fit_rows(rows: Observations, options: Options) -> FittedRows:
         InputError: rows are too few, or 3D sightings are no lines.
         DegenerateGeometryError: the sightings leave a motion free.
         NoConsensusError: no calibration agrees with enough rows.
-        UnsupportedError: the anisotropic model of a 3D probe.
+        UnsupportedError: the anisotropic model of a 3D probe, or what points and planes cannot have.
     """
-    check_rows(rows, options.model)
-    table = point_line_rows(rows)
+    if rows.lines_only:
+        check_rows(rows, options.model)
+    else:
+        check_mixed(rows, options)
+    table = table_of(rows)
     return FittedRows(table, *best_fit(table, options))

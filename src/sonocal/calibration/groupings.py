@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sonocal.geometry import FURTHEST, Array
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = ["Groupings", "groupings_of"]
 
@@ -26,7 +27,7 @@ class Groupings(NamedTuple):
     time: Array
 
 
-def groupings_of(table: PointLineRows, rows: Observations) -> Groupings:
+def groupings_of(table: PointLineRows | TargetRows, rows: Observations) -> Groupings:
     """Frames, needles or wires, and which frames are neighbours in time.
 
     Args:
@@ -38,7 +39,7 @@ def groupings_of(table: PointLineRows, rows: Observations) -> Groupings:
     return Groupings({"frame": table.frame, "target": table.target}, _time(table, rows))
 
 
-def _time(table: PointLineRows, rows: Observations) -> Array:
+def _time(table: PointLineRows | TargetRows, rows: Observations) -> Array:
     stamps = rows.stamps_s()
     if stamps is None:
         # In volumes a split may be a candidate's rank, which says nothing of when.

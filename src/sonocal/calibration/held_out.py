@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal.calibration.mixed import mapped_of, target_distances
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import line_distances
 from sonocal.calibration.statistics import ErrorStatistics, rms_interval
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array, AxisScaled, homogeneous_points
+from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes
-from sonocal.registration.noise import residual_vectors, stretch_length
+from sonocal.registration.noise import stretch_length
 
 __all__ = ["FAR", "held_out_errors", "held_out_findings", "independent_units", "is_far_off"]
 
@@ -29,7 +29,7 @@ def held_out_errors(
     """The errors of all rows held out, however far off; None where none were."""
     if held_out is None:
         return None
-    distances = line_distances(probe_from_image, held_out)
+    distances = target_distances(probe_from_image, held_out)
     return ErrorStatistics.of(distances, len(held_out), int(np.sum(distances <= threshold_mm)))
 
 
@@ -40,7 +40,7 @@ def held_out_findings(calibration: Calibration, held_out: Observations | None) -
     """
     if held_out is None or calibration.covariance is None:
         return
-    errors = line_distances(calibration.probe_from_image, held_out)
+    errors = target_distances(calibration.probe_from_image, held_out)
     within = errors <= calibration.threshold_mm
     usual = within.any() and not _more_outliers(calibration, within)
     counted = within if usual else np.ones(len(errors), dtype=bool)
@@ -87,8 +87,7 @@ def _more_outliers(calibration: Calibration, within: NDArray[np.bool_]) -> bool:
 def independent_units(probe_from_image: AxisScaled, rows: Observations) -> NDArray[np.int64]:
     """The unit (N,) of each row: its frame, or a stretch of frames where neighbours repeat one another."""
     frame = group_codes(rows.split, rows.frame)
-    points = homogeneous_points(rows.points_px)
-    length = stretch_length(residual_vectors(probe_from_image, points, rows.segments_mm), frame)
+    length = stretch_length(mapped_of(probe_from_image, rows).residuals, frame)
     return group_codes(rows.split, frame // length)
 
 

@@ -17,11 +17,12 @@ from sonocal.errors import NoConsensusError, UnsupportedError
 from sonocal.findings import Diagnostic
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import refuse_degenerate_lines
+from sonocal.registration.rows import PointLineRows
 from sonocal.setup_checks.lag_fit import LagFit, fit_lag
 from sonocal.setup_checks.lag_search import MOST_ASKED_S, rough_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM, SIGNIFICANT_LAG
-from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.moving_lines import moving_in_table
+from sonocal.setup_checks.rows_in_time import RowsInTime
 
 __all__ = ["LaggedTable", "lag_in_words", "lag_of_rows", "rows_at_lag", "with_lag", "without_lag"]
 
@@ -80,7 +81,7 @@ def without_lag(
     rows = moving_in_table(observations, point_line_rows(observations))
     lag = lag_of_rows(rows.select(_fitted(observations, options)), options, observations.source)
     moved = rows.lines.at(rows.track, rows.time + lag.latency_s)
-    there = observations.with_sound(segments_mm=moved.segments_mm)
+    there = observations.with_sound(segments_mm=moved.spanning_mm)
     late = LaggedTable(lag, there, moved.usable)
     known = there.select(moved.usable)
     return *split_rows(known, options.fit_split, options.test_split), replace(options, latency=None), late
@@ -89,7 +90,7 @@ def without_lag(
 def rows_at_lag(observations: Observations, latency_s: float) -> Observations:
     """All rows of a table with their lines where they were a lag later."""
     rows = moving_in_table(observations, point_line_rows(observations))
-    return observations.with_sound(segments_mm=rows.lines.at(rows.track, rows.time + latency_s).segments_mm)
+    return observations.with_sound(segments_mm=rows.lines.at(rows.track, rows.time + latency_s).spanning_mm)
 
 
 def lag_of_rows(rows: RowsInTime, options: Options, source: str) -> LagFit:
@@ -102,6 +103,7 @@ def lag_of_rows(rows: RowsInTime, options: Options, source: str) -> LagFit:
     threshold_mm = THRESHOLD_MM if options.threshold_mm == "auto" else float(options.threshold_mm)
     rough = rough_lag(rows, threshold_mm, options.model)
     if rough is None:
+        assert isinstance(rows.table, PointLineRows)  # a mix has no lag asked for
         refuse_degenerate_lines(rows.table)
         raise NoConsensusError(
             f"{source}: rows agree under no lag up to {1e3 * MOST_ASKED_S:.0f} ms either way; calibrate without "

@@ -15,6 +15,7 @@ from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = ["left_out_findings"]
 
@@ -25,7 +26,7 @@ MOST = 0.7
 
 
 def left_out_findings(
-    table: PointLineRows, fit: Fit, options: Options, accepted: tuple[Array, float, str]
+    table: PointLineRows | TargetRows, fit: Fit, options: Options, accepted: tuple[Array, float, str]
 ) -> Iterator[Diagnostic]:
     """Fits the rows that were left out, where they are many, and says how far off their answer is if they have one.
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from sonocal.calibration.mixed import table_of
 from sonocal.calibration.options import Options
-from sonocal.calibration.rows import point_line_rows
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import DECISIVE, Diagnostic
 from sonocal.observations import Observations
+from sonocal.registration.constraints import rows_of_spanned
 from sonocal.registration.degeneracy import refuse_degenerate_lines
+from sonocal.registration.refusals import refuse_free
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.refused import Refused, refusal_findings
 
 __all__ = ["explained", "leading_with"]
@@ -28,7 +31,7 @@ def explained(rows: Observations, options: Options) -> Iterator[None]:
     except MirroredVolumeError:  # which says itself what it comes from
         raise
     except (NoConsensusError, DegenerateGeometryError) as error:
-        table = point_line_rows(rows)
+        table = table_of(rows)
         if _is_degenerate(table):  # whatever else is wrong with them, these rows have no answer
             raise
         threshold = options.threshold_mm
@@ -59,9 +62,12 @@ def leading_with(findings: tuple[Diagnostic, ...], refusal: str) -> str:
     return f"{first.message}; {first.advice} (refused as it stands: {fact})"
 
 
-def _is_degenerate(table: PointLineRows) -> bool:
+def _is_degenerate(table: PointLineRows | TargetRows) -> bool:
     try:
-        refuse_degenerate_lines(table)
+        if isinstance(table, TargetRows):
+            refuse_free(rows_of_spanned(table.spanned))
+        else:
+            refuse_degenerate_lines(table)
     except DegenerateGeometryError:
         return True
     return False

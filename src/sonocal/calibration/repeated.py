@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.calibration.fit import FittedRows, fit_rows
+from sonocal.calibration.mixed import target_distances
 from sonocal.calibration.options import Options
 from sonocal.calibration.result import Calibration
-from sonocal.calibration.rows import line_distances
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.registration.fit import Fit
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = ["Repeated", "fit_distinct", "repeated_rows"]
 
@@ -49,7 +50,7 @@ class Repeated:
 
     def told_of(self, once: Calibration, rows: Observations) -> Calibration:
         """The calibration of the kept rows as that of all, with the finding that says so."""
-        residuals = line_distances(once.probe_from_image, rows)
+        residuals = target_distances(once.probe_from_image, rows)
         inlier = residuals <= once.threshold_mm
         return replace(
             once,
@@ -94,7 +95,7 @@ def fit_distinct(given: Observations, options: Options) -> tuple[Observations, F
     return rows, fit_rows(rows, options), repeated
 
 
-def repeated_rows(table: PointLineRows, fit: Fit) -> Repeated | None:
+def repeated_rows(table: PointLineRows | TargetRows, fit: Fit) -> Repeated | None:
     """Sightings to which the needle comes back far more nearly than noise allows; None: there are hardly any.
 
     Args:
@@ -128,9 +129,9 @@ def repeated_rows(table: PointLineRows, fit: Fit) -> Repeated | None:
     return Repeated(np.isin(sighting, kept), len(first), len(kept))
 
 
-def _plainly_distinct(table: PointLineRows, fit: Fit) -> bool:
+def _plainly_distinct(table: PointLineRows | TargetRows, fit: Fit) -> bool:
     """A glance along one axis, on which copies are neighbours: whether hardly any neighbours have one segment."""
-    ends = table.segments_mm.reshape(-1, 6)
+    ends = table.spanning_mm.reshape(len(table), -1)
     if table.sightings is not None:
         ends = ends[1:][table.sightings[1:] != table.sightings[:-1]]
     ends = ends[ends[:, 0].argsort()]
@@ -140,19 +141,20 @@ def _plainly_distinct(table: PointLineRows, fit: Fit) -> bool:
     return int(alike) < 0.5 * LEAST_SHARE * len(ends)
 
 
-def _sightings(table: PointLineRows) -> NDArray[np.int64]:
+def _sightings(table: PointLineRows | TargetRows) -> NDArray[np.int64]:
     """(N,): a number a sighting, counted from 0."""
     return np.arange(len(table)) if table.sightings is None else table.sightings.astype(np.int64)
 
 
 def _places(
-    table: PointLineRows, sighting: NDArray[np.int64], first: NDArray[np.int64], scale: float
+    table: PointLineRows | TargetRows, sighting: NDArray[np.int64], first: NDArray[np.int64], scale: float
 ) -> Array:
-    """(S, 9), mm: the middle of each sighting's points and the ends of its segment, as large as one point's noise."""
+    """(S, 3 + 3 K), mm: the middle of each sighting's points and what spans its target, as large as one's noise."""
     sums = np.zeros((len(first), 3))
     np.add.at(sums, sighting, table.points)
     middle = sums / np.bincount(sighting)[:, None]
-    return np.concatenate([scale * middle, table.segments_mm[first].reshape(-1, 6) / np.sqrt(3.0)], axis=1)
+    spanning = table.spanning_mm[first].reshape(len(first), -1)
+    return np.concatenate([scale * middle, spanning / np.sqrt(3.0)], axis=1)
 
 
 def _has_copies(tree: Any, near: float) -> bool:

@@ -13,6 +13,7 @@ from sonocal.registration.noise import residual_vectors
 from sonocal.registration.options import Model, Options
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = [
     "check_rows",
@@ -151,7 +152,7 @@ def image_area(
     return size, seen, seen if size is None else np.array([np.zeros(len(size)), np.asarray(size) - 1.0])
 
 
-def known_levels(table: PointLineRows, options: Options) -> dict[str, bool]:
+def known_levels(table: PointLineRows | TargetRows, options: Options) -> dict[str, bool]:
     """Which noise levels are given, and not to be found in the residuals; as `estimate_noise` takes it."""
     return {
         "known_px": table.level_px(options.sigma_px) > 0,

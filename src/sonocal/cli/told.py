@@ -62,6 +62,7 @@ def unit_doubts(
 ) -> list[Diagnostic]:
     """The doubts that what was read is in mm and px, before anything is fitted to it."""
     from sonocal.geometry.units import length_hints, needle_hints, unit_doubt
+    from sonocal.observations.spanning import lengths_of
     from sonocal.recording.lengths import unit_findings
 
     found = [] if recording is None else [*unit_findings(recording)]
@@ -69,9 +70,7 @@ def unit_doubts(
         length = float(sum((line.segment_mm[1] - line.segment_mm[0]) ** 2) ** 0.5)
         found += unit_doubt(needle_hints(f"the line {line.name!r}", length))
     if rows is not None:
-        spanned = rows.spans >= 2
-        if spanned.any():
-            found += unit_doubt(length_hints(rows.points_px[spanned], rows.segments_mm[spanned]))
+        found += unit_doubt(length_hints(rows.points_px, lengths_of(rows.spans, rows.segments_mm)))
     return found
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,13 @@ import click
 from sonocal.cli.existing import choice_of, of_other_software, refuse_choice, validate_existing
 from sonocal.cli.help import DETECTING, READING, SET_UP, command
 from sonocal.cli.measured import OF_RECORDINGS, Measured, read_measured
+from sonocal.cli.numbers import (
+    comparison_of,
+    numbers_of,
+    numbers_record,
+    print_numbers,
+    with_comparison,
+)
 from sonocal.cli.options import (
     ANGLES,
     CENTRE,
@@ -27,7 +33,6 @@ from sonocal.cli.options import (
     PROBE,
     SCANNER,
     WRITTEN,
-    console,
     seed,
 )
 from sonocal.cli.others import Others, apart_record, called, print_apart, with_others
@@ -39,7 +44,6 @@ from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.calibration import Calibration
-    from sonocal.validation import Comparison, Validation
 
 __all__ = ["validate"]
 
@@ -192,10 +196,10 @@ def _validate_ours(
     from sonocal.findings import begun
 
     other = others.compared
-    numbers, beside, misread = with_others(_numbers(found, measured, options), found, others)
-    comparison = _compared(found, other) if isinstance(other, Calibration) else None
+    numbers, beside, misread = with_others(numbers_of(found, measured, options), found, others)
+    comparison = comparison_of(found, other) if isinstance(other, Calibration) else None
     if comparison is not None:
-        numbers = _with_comparison(numbers, found, comparison)
+        numbers = with_comparison(numbers, found, comparison)
     title = f"{begun(called(other, name))}, against this one"
     sections = [] if beside is None else [difference_section(title, beside.difference)]
     files = (
@@ -208,19 +212,13 @@ def _validate_ours(
     write_into_folder(folder or Path(), files)
     if as_json:
         apart = {} if beside is None else {"difference": apart_record(beside.difference)}
-        say_json(_record(found, numbers, comparison) | apart | {"rereadings": misread})
+        say_json(numbers_record(found, numbers, comparison) | apart | {"rereadings": misread})
         return
-    _print(found, numbers, comparison, called(other, name))
+    print_numbers(found, numbers, comparison, called(other, name))
     if beside is not None:
         print_apart(beside.difference, title)
     for file in files:
         say(f"Wrote {(folder or Path()) / file}")
-
-
-def _with_comparison(numbers: Validation, found: Calibration, comparison: Comparison) -> Validation:
-    from sonocal.validation.measured import comparison_findings
-
-    return replace(numbers, diagnostics=(*numbers.diagnostics, *comparison_findings(found, comparison)))
 
 
 def _reserve_page(folder: Path, path: Path) -> None:
@@ -231,47 +229,3 @@ def _reserve_page(folder: Path, path: Path) -> None:
                 f"{folder}: holds another calibration, {other.name}; choose another folder with -o"
             )
     reserve(folder / PAGE)
-
-
-def _numbers(calibration: Calibration, measured: Measured, options: dict[str, Any]) -> Validation:
-    from sonocal.validation import validate, validate_points
-
-    if measured.points is not None:
-        return validate_points(calibration, measured.points)
-    return validate(calibration, measured.sightings, nwires=measured.nwires, **options)
-
-
-def _compared(first: Calibration, second: Calibration) -> Comparison:
-    from sonocal.validation import compare
-
-    return compare(first, second)
-
-
-def _print(calibration: Calibration, numbers: Validation, comparison: Comparison | None, other: str) -> None:
-    from sonocal.cli.screen.validation import print_validation
-
-    if not numbers.quantities and not numbers.diagnostics:
-        raise InputError(f"{numbers.source}: gives no number; it needs held-out rows, places or poses")
-    print_validation(console(), calibration, numbers, comparison, other)
-
-
-def _record(calibration: Calibration, numbers: Validation, comparison: Comparison | None) -> dict[str, Any]:
-    from sonocal.validation import cannot_show, give_verdict
-
-    record: dict[str, Any] = {
-        "verdict": give_verdict(calibration, numbers),
-        "input": numbers.source,
-        "sha256": numbers.sha256,
-        "quantities": numbers.quantities,
-        "diagnostics": numbers.diagnostics,
-        "cannot_show": cannot_show(calibration),
-    }
-    if comparison is not None:
-        record["comparison"] = {
-            "places_px": comparison.places_px.tolist(),
-            "distance_mm": comparison.distance_mm.tolist(),
-            "allowed_mm": comparison.allowed_mm.tolist(),
-            "p_value": comparison.p_value,
-            "shared_input": comparison.shared_input,
-        }
-    return record

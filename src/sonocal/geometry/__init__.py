@@ -17,6 +17,7 @@ from sonocal.geometry.transforms import (
     segment_directions,
     similarity_errors,
 )
+from sonocal.geometry.triangles import on_one_line
 
 __all__ = [
     "FURTHEST",
@@ -29,6 +30,7 @@ __all__ = [
     "image_crossings",
     "needle_in_image",
     "needle_in_volume",
+    "on_one_line",
     "predicted_needles",
     "predicted_points",
     "real_array",

@@ -155,8 +155,8 @@ def scale_hints(scales: Array, deviation: float = 0.0, dimension: int = 2) -> li
     return []
 
 
-def length_hints(points_px: Array, segments_mm: Array) -> list[Hint]:
-    """Of a table's numbers as they stand: places (N, d) in the image, segments (N, 2, 3)."""
+def length_hints(points_px: Array, lengths_mm: Array) -> list[Hint]:
+    """Of a table's numbers as they stand: places (N, d) in the image, lengths (M,) of what spans lines and planes."""
     if not len(points_px):
         return []
     hints = []
@@ -168,7 +168,9 @@ def length_hints(points_px: Array, segments_mm: Array) -> list[Hint]:
                 remedy="multiply u by the image's width in px and v by its height",
             )
         )
-    length = float(np.median(np.linalg.norm(segments_mm[:, 1] - segments_mm[:, 0], axis=1)))
+    if not len(lengths_mm):
+        return hints
+    length = float(np.median(lengths_mm))
     if not LEAST_SPAN_MM <= length <= MOST_SPAN_MM:
         hints.append(Hint(f"segments are {length:.2g} mm long in the middle", length, USUAL_NEEDLE_MM))
     return hints

@@ -7,15 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.geometry import Array
+from sonocal.geometry import Array, on_one_line
 
-__all__ = ["SPANNING_COLUMNS", "of_spanning", "segments_of", "spans_of", "wrong_span"]
+__all__ = ["SPANNING_COLUMNS", "lengths_of", "of_spanning", "segments_of", "spans_of", "wrong_span"]
 
 SPANNING_COLUMNS = tuple(f"{axis}{point}_mm" for point in range(3) for axis in "xyz")
 """Of the first, the second and the third point."""
-
-# Of a plane's two sides: a triangle that is flatter than this is none.
-FLAT = 1e-9
 
 
 def spans_of(spanning_mm: Array) -> NDArray[np.int32]:
@@ -38,6 +35,12 @@ def segments_of(spanning_mm: Array) -> Array:
     return segments
 
 
+def lengths_of(spans: NDArray[np.int32], segments_mm: Array) -> Array:
+    """(M,), mm: of the first side (N, 2, 3) of what spans those of the targets (N,) that are no points."""
+    sides = np.diff(segments_mm[spans >= 2], axis=1)[:, 0]
+    return np.asarray(np.linalg.norm(sides, axis=1))
+
+
 def of_spanning(columns: Mapping[str, Array]) -> dict[str, Array]:
     """What the table's class takes of columns with NaN where a cell is blank: lines where every row is one."""
     count = len(next(iter(columns.values())))
@@ -56,12 +59,11 @@ def wrong_span(spanning_mm: Array) -> tuple[int, str] | None:
             "gives a point in part, or a later one without the one before it; fill in x, y and z of one point, of two "
             "for a line, of three for a plane"
         )
-    along, aside = spanning_mm[:, 1] - spanning_mm[:, 0], spanning_mm[:, 2] - spanning_mm[:, 0]
+    along = spanning_mm[:, 1] - spanning_mm[:, 0]
     short = (spans >= 2) & (np.linalg.norm(np.nan_to_num(along), axis=1) == 0)
     if short.any():
         return int(np.argmax(short)), "has the same point twice; give two different ones of the line or plane"
-    sides = np.linalg.norm(along, axis=1) * np.linalg.norm(aside, axis=1)
-    flat = (spans == 3) & ~(np.linalg.norm(np.cross(along, aside), axis=1) > FLAT * sides)
+    flat = (spans == 3) & on_one_line(spanning_mm)
     if flat.any():
         return int(np.argmax(flat)), "has three points on one line, which span no plane; give three that do"
     return None

@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.fit import Fit, away_from_lines
+from sonocal.registration.mapped import MappedTargets
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.registration.whitened import HUBER, across_lines
+from sonocal.registration.whitened_targets import whitened_targets
 
 __all__ = ["AxisScales", "axis_scales"]
 
@@ -52,13 +55,15 @@ class AxisScales:
         return float(fdtrc(2, self.freedom, unequal @ np.linalg.solve(spread, unequal) / 2.0))
 
 
-def axis_scales(rows: PointLineRows, fit: Fit, groupings: dict[str, NDArray[np.int64]]) -> AxisScales | None:
+def axis_scales(
+    rows: PointLineRows | TargetRows, fit: Fit, groupings: dict[str, NDArray[np.int64]]
+) -> AxisScales | None:
     """The scales of the agreeing rows of a volume, under the noise that the fit found.
 
         d(R D x + t) = w x (R D x) + v + R D diag(l) x        D = diag(s_u, s_v, s_w)
 
     Args:
-        rows: points of a volume and their lines.
+        rows: points of a volume, and their lines or whatever targets.
         fit: with one scale.
         groupings: by name: (N,) the group of each row; what rows share widens the covariance.
 
@@ -68,45 +73,55 @@ def axis_scales(rows: PointLineRows, fit: Fit, groupings: dict[str, NDArray[np.i
     Source: Gauss-Newton on whitened residuals; clusters: Cameron and Miller 2015, section II.
     """
     table, labels = rows.select(fit.inlier), [one[fit.inlier] for one in groupings.values()]
-    if 2 * len(table) - PARAMETERS < 2:
+    if rows.residuals(fit.inlier) - PARAMETERS < 2:
         return None
-    assert table.sightings is not None
-    order = np.argsort(table.sightings, kind="stable")
     rotation, scales, shift = (
         fit.transform.rotation,
         np.array(fit.transform.scales),
         fit.transform.translation,
     )
     for _ in range(STEPS):
-        jacobian, residuals = _whitened(table, order, fit, (rotation, scales, shift))
+        jacobian, residuals, of_row = _whitened(table, fit, AxisScaled(rotation, shift, scales))
         step = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
         rotation, shift = _turned(np.asarray(step[:3])) @ rotation, shift + step[3:6]
         scales = scales * np.exp(np.clip(step[6:], -LONGEST, LONGEST))
     found = AxisScaled(rotation, shift, scales)
-    return _least_sure(found, jacobian, residuals + jacobian @ step, [one[order] for one in labels])
+    return _least_sure(found, jacobian, residuals + jacobian @ step, [one[of_row] for one in labels])
 
 
 def _whitened(
-    table: PointLineRows, order: NDArray[np.int64], fit: Fit, transform: tuple[Array, Array, Array]
-) -> tuple[Array, Array]:
-    """Derivatives (2 N, 9) and residuals (2 N,) across the lines, row by row in the order given, of unit variance."""
-    rotation, scales, shift = transform
+    table: PointLineRows | TargetRows, fit: Fit, transform: AxisScaled
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Derivatives (M, 9) and residuals (M,) of unit variance, sighting by sighting, and a row of each (M,)."""
+    if isinstance(table, TargetRows):
+        mapped, every = MappedTargets(transform, table), np.ones(len(table), dtype=bool)
+        columns = np.concatenate([_columns(table.points, transform), mapped.residuals[:, :, None]], axis=2)
+        levels = (fit.sigma_px, fit.sigma_mm) if fit.weighting == "likelihood" else (0.0, 0.0)
+        white = whitened_targets(mapped, every, columns, levels)
+        return white.values[:, :-1], white.values[:, -1], white.row
+    assert table.sightings is not None
+    order = np.argsort(table.sightings, kind="stable")
+    flat = _whitened_lines(table, order, fit, transform)
+    return flat[:, :-1], flat[:, -1], np.repeat(order, 2)
+
+
+def _columns(points: Array, transform: AxisScaled) -> Array:
+    """(N, 3, 9): derivatives of mapped points by a turn, a shift and the scales' logarithms."""
+    turned = (points * transform.scales) @ transform.rotation.T
+    own = points[:, None] * transform.scales * transform.rotation
+    return np.concatenate([_cross(turned), np.broadcast_to(np.eye(3), own.shape), own], axis=2)
+
+
+def _whitened_lines(table: PointLineRows, order: NDArray[np.int64], fit: Fit, transform: AxisScaled) -> Array:
+    """(2 N, 10): derivatives and residuals across the lines, row by row in the order given, of unit variance."""
     points, segments = table.points[order], table.segments_mm[order]
-    turned = (points * scales) @ rotation.T
+    mapped, scales = transform.apply(points), transform.scales
     along = segments[:, 1] - segments[:, 0]
     lengths = np.linalg.norm(along, axis=1)
     across = across_lines(along / lengths[:, None])
-    columns = np.concatenate(
-        [
-            _cross(turned),
-            np.broadcast_to(np.eye(3), (len(points), 3, 3)),
-            points[:, None] * scales * rotation,
-        ],
-        axis=2,
-    )
-    away = away_from_lines(turned + shift, segments)
-    both = across @ np.concatenate([columns, away[:, :, None]], axis=2)  # (N, 2, 10)
-    place = np.einsum("ni,ni->n", turned + shift - segments[:, 0], along) / lengths**2
+    away = away_from_lines(mapped, segments)
+    both = across @ np.concatenate([_columns(points, transform), away[:, :, None]], axis=2)  # (N, 2, 10)
+    place = np.einsum("ni,ni->n", mapped - segments[:, 0], along) / lengths**2
     level_px, level_mm = _levels(table, fit, order, float(scales.mean()))
     counts = np.bincount(table.sightings[order] if table.sightings is not None else order)
     first = np.cumsum(counts) - counts
@@ -118,8 +133,7 @@ def _whitened(
         white = white.reshape(len(rows), count, 2, PARAMETERS + 1)
         size = np.sqrt(np.mean(white[..., -1] ** 2, axis=(1, 2)))
         both[rows] = white * np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, HUBER)))[:, None, None, None]
-    flat = both.reshape(-1, PARAMETERS + 1)
-    return flat[:, :-1], flat[:, -1]
+    return np.asarray(both.reshape(-1, PARAMETERS + 1))
 
 
 def _levels(table: PointLineRows, fit: Fit, order: NDArray[np.int64], scale: float) -> tuple[Array, Array]:
@@ -148,14 +162,14 @@ def _least_sure(
     transform: AxisScaled, jacobian: Array, left: Array, labels: list[NDArray[np.int64]]
 ) -> AxisScales:
     """The scales with that covariance, of single rows' and of groups', under which they differ least surely."""
-    freedom, rows = len(left) - PARAMETERS, len(left) // 2
+    freedom = len(left) - PARAMETERS
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     found = [AxisScales(transform, (left @ left / freedom * inverse)[6:, 6:], freedom)]
-    scores = (jacobian * left[:, None]).reshape(rows, 2, PARAMETERS).sum(axis=1)
+    scores = jacobian * left[:, None]
     for label in labels:
         codes = np.unique(label, return_inverse=True)[1].reshape(-1)
         count = int(codes.max()) + 1
-        if FEWEST_GROUPS <= count < rows:
+        if FEWEST_GROUPS <= count < len(left) // 2:
             summed = np.zeros((count, PARAMETERS))
             np.add.at(summed, codes, scores)
             widened = count / (count - 1) * len(left) / freedom * inverse @ (summed.T @ summed) @ inverse

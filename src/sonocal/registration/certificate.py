@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import Similarity
-from sonocal.registration.constraints import Rows
+from sonocal.registration.constraints import Rows, rows_of_spanned
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows, to_core
 from sonocal.registration.spanned import SpannedRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.registration.told import Told
 
 __all__ = ["Certificate", "LazyCertificate", "certificate_of", "certificate_of_mix", "certificate_of_spanned"]
@@ -50,14 +51,14 @@ class LazyCertificate:
         return LazyCertificate.known, (self.read(),)
 
 
-def certificate_of(table: PointLineRows, fit: Fit) -> Certificate:
+def certificate_of(table: PointLineRows | TargetRows, fit: Fit) -> Certificate:
     """Whether a fit is the best of all for the rows that it took, with their weights as they came out.
 
     Weights that are fixed make the cost quadratic in the columns of the transform, and what makes these a
     similarity's is quadratic: a convex relaxation of both proves the answer where multipliers are found for it.
 
     Args:
-        table: points and lines.
+        table: points and lines, or whatever targets.
         fit: their fit.
 
     Source: Briales and Gonzalez-Jimenez, CVPR 2017, with the scale among the unknowns.
@@ -66,7 +67,19 @@ def certificate_of(table: PointLineRows, fit: Fit) -> Certificate:
     if fit.weighting == "likelihood" and not (levelled.sigma_px or levelled.sigma_mm):
         return "not shown"
     at = to_core(fit.transform)
+    if isinstance(table, TargetRows):
+        return _certificate_of_targets(table, fit, at)
     return cast(Certificate, _core.certificate(table.core, fit.inlier, at, table.core_options(levelled)))
+
+
+def _certificate_of_targets(table: TargetRows, fit: Fit, at: _core.Transform) -> Certificate:
+    marks = table.marks(fit.inlier)
+    if fit.weighting == "likelihood":
+        levels = fit.options.to_core(fit.sigma_px, fit.sigma_mm)
+        return cast(Certificate, _core.certificate(table.core, marks, at, levels, scale=0.0))
+    rows = rows_of_spanned(table.spanned)
+    options = fit.options.to_core(0, 0)
+    return cast(Certificate, _core.certificate(rows.core, marks, at, options, scale=0.0, weights=None))
 
 
 def certificate_of_mix(

@@ -17,7 +17,7 @@ from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["mirrored_finding", "mirrored_volume", "refuse_mirrored_target", "refuse_mirrored_volume"]
+__all__ = ["mirrored_finding", "refuse_mirrored_target", "refuse_mirrored_volume"]
 
 # Of the mirrored rows this many times as many must agree as of those that stand as they do: where most of all rows
 # do, and where a part does, as of several candidates for one needle.
@@ -28,11 +28,6 @@ MOST_OF_TARGET = 0.8
 MIRRORED_SAMPLES = 50
 # Of squared lengths: thinner than that, points are those of an image, which is its own mirror.
 FLAT = 1e-12
-
-
-def mirrored_volume(rows: PointLineRows) -> PointLineRows:
-    """The rows of a volume mirrored along one axis; along which is all the same, a turn apart."""
-    return replace(rows, points=rows.points * [1.0, 1.0, -1.0])
 
 
 def refuse_mirrored_volume(
@@ -58,7 +53,7 @@ def refuse_mirrored_volume(
     # Where rows fit nothing, their noise does not tell what agreeing is: any threshold would be wide enough.
     within_mm = Options().threshold_mm if options.threshold_mm == "auto" else options.threshold_mm
     try:
-        other = fit(mirrored_volume(rows), replace(options, threshold_mm=within_mm))
+        other = fit(rows.mirrored(), replace(options, threshold_mm=within_mm))
     except (NoConsensusError, DegenerateGeometryError):
         return
     agreeing, count = int(np.count_nonzero(other.inlier)), len(rows)

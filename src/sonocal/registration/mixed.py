@@ -36,6 +36,7 @@ class MixedFit:
         inlier: (C,): those that agree.
         converged: whether it came to rest.
         certificate: looks whether it is the best of all.
+        sigma_px, sigma_mm: noise levels behind the likelihood's weights; None: all distances counted alike.
     """
 
     transform: Similarity
@@ -44,6 +45,8 @@ class MixedFit:
     inlier: NDArray[np.bool_]
     converged: bool
     certificate: Callable[[], Certificate]
+    sigma_px: float | None = None
+    sigma_mm: float | None = None
 
 
 def least_squares(rows: Rows, start: Similarity, found: _core.Estimate, told: Told) -> MixedFit:
@@ -93,6 +96,8 @@ def maximise(rows: SpannedRows, start: Similarity, options: Options, told: Told)
         inlier,
         found.converged,
         partial(certificate_of_spanned, weighed, inlier, similarity, levels, told.scale),
+        found.level_px,
+        found.level_mm,
     )
 
 

@@ -13,6 +13,7 @@ from sonocal import _core
 from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.fit import Fit, away_from_lines
 from sonocal.registration.rows import PointLineRows, to_core
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = ["Drift", "Noise", "estimate_noise", "residual_vectors", "stretch_length"]
 
@@ -72,7 +73,7 @@ def residual_vectors(transform: AxisScaled, points: Array, segments_mm: Array) -
 
 
 def estimate_noise(
-    rows: PointLineRows,
+    rows: PointLineRows | TargetRows,
     fit: Fit,
     groupings: dict[str, NDArray[Any]],
     *,
@@ -97,7 +98,7 @@ def estimate_noise(
     holds the noise's square; that is taken out, and what is unknown of the levels' ratio is added.
 
     Args:
-        rows: points and lines.
+        rows: points and lines, or whatever targets.
         fit: of which only the agreeing rows count.
         groupings: by name: (N,) the group of each row, a number from 0 on.
         time: (N,), one a frame, neighbouring frames some 1 apart; None: nothing is shared by neighbours.
@@ -111,21 +112,21 @@ def estimate_noise(
     Source: Henderson's method 3 (Searle, Casella and McCulloch, Variance Components, 1992, chapter 5).
     """
     k = len(fit.covariance)
-    freedom = 2 * int(np.count_nonzero(fit.inlier)) - k
+    freedom = rows.residuals(fit.inlier) - k
     weighted = fit.weighting == "likelihood"
     sigma_px, sigma_mm = (fit.sigma_px, fit.sigma_mm) if weighted else (None, None)
     if freedom <= 0 or not np.abs(fit.covariance).max() < MOST:
         return Noise(np.nan, np.full((k, k), np.nan), 0, sigma_px, sigma_mm)
     sums = _core.noise_sums(
         rows.core,
-        fit.inlier,
+        rows.marks(fit.inlier),
         to_core(fit.transform),
         fit.options.to_core(fit.sigma_px, fit.sigma_mm),
-        fit.covariance,
-        [np.ascontiguousarray(labels, dtype=np.int32) for labels in groupings.values()],
+        _of_tangent(rows, fit.covariance),
+        [rows.codes(labels) for labels in groupings.values()],
         known_px=known_px,
         known_mm=known_mm,
-        time=None if time is None else np.ascontiguousarray(time, dtype=float),
+        time=None if time is None else rows.times(time),
     )
     variances = _with_drift(_variances(sums), sums, list(groupings))
     unit, total = variances.pop(OWN), float(sums.observed[0])
@@ -154,7 +155,12 @@ def estimate_noise(
     return Noise(row_mm, covariance, whole, sigma_px, sigma_mm, apparent, shared_mm, wandering)
 
 
-def _apparent_of_unweighted(rows: PointLineRows, fit: Fit, row_mm: float) -> float:
+def _of_tangent(rows: PointLineRows | TargetRows, covariance: Array) -> Array | None:
+    """(J'J)^-1, which the core finds of a mix itself: a fit's covariance has more in it."""
+    return covariance if isinstance(rows, PointLineRows) else None
+
+
+def _apparent_of_unweighted(rows: PointLineRows | TargetRows, fit: Fit, row_mm: float) -> float:
     """Of a fit that knows no levels: such as give residuals of this size (mm per axis), whatever their ratio.
 
     Twice: nothing takes the noise's pull out of such a fit.
@@ -168,10 +174,10 @@ def _apparent_of_unweighted(rows: PointLineRows, fit: Fit, row_mm: float) -> flo
         2
         * _core.noise_sums(
             rows.core,
-            fit.inlier,
+            rows.marks(fit.inlier),
             to_core(fit.transform),
             options,
-            covariance,
+            _of_tangent(rows, covariance),
             [],
             known_px=False,
             known_mm=False,

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import InputError, NoConsensusError, require
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, require
 from sonocal.geometry import Array, Similarity
 from sonocal.registration.alternatives import alternatives_to
 from sonocal.registration.certificate import Certificate, LazyCertificate, certificate_of
-from sonocal.registration.constraints import Rows
+from sonocal.registration.constraints import Rows, refuse_degenerate_rows
 from sonocal.registration.degeneracy import (
     SUSPICIOUS_INFORMATION,
     refuse_degenerate_lines,
@@ -41,6 +41,8 @@ __all__ = ["PARAMETERS", "Registration", "register"]
 
 # Of how far targets are missed: a source whose picture is smaller is a point there.
 SHRUNK = 1e-9
+# Of where it comes to: a source of that size is a point but for rounding.
+ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,8 @@ class Registration:
         threshold_mm: correspondences within this distance agree.
         samples: how many minimal samples were tried.
         converged: whether the refinement came to rest.
+        sigma_px, sigma_mm: noise levels behind the likelihood's weights, given or estimated: of a source point and of
+            a point that spans a target, along every axis. None where all distances counted alike.
     """
 
     target_from_source: Similarity
@@ -68,6 +72,8 @@ class Registration:
     threshold_mm: float
     samples: int
     converged: bool
+    sigma_px: float | None = None
+    sigma_mm: float | None = None
     _others: Callable[[], tuple[Similarity, ...]] = field(default=tuple, repr=False)
     _certificate: LazyCertificate = field(default_factory=LazyCertificate.known, repr=False)
 
@@ -205,6 +211,8 @@ def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bo
         threshold_mm=found.threshold,
         samples=found.samples,
         converged=fit.converged,
+        sigma_px=fit.sigma_px,
+        sigma_mm=fit.sigma_mm,
         _others=partial(
             alternatives_to,
             fit.transform,
@@ -241,6 +249,7 @@ def _consensus_of_mix(
         )
     similarity = transform_of(found)
     assert isinstance(similarity, Similarity)
+    _refuse_shrunk(constraints, similarity)
     inlier = found.residuals_mm <= found.threshold
     if np.diff(constraints.first)[inlier].sum() < PARAMETERS:
         raise NoConsensusError(
@@ -250,6 +259,20 @@ def _consensus_of_mix(
         )
     refuse_chance(constraints.core, similarity, found.residuals_mm, found.threshold)
     return found, similarity
+
+
+def _refuse_shrunk(constraints: Rows, similarity: Similarity) -> None:
+    """Raise where the source comes to one point, but for rounding: all targets meet there."""
+    mapped = similarity @ constraints.points
+    if np.ptp(mapped, axis=0).max() > ROUNDED * np.abs(similarity.translation).max():
+        return
+    refuse_degenerate_rows(constraints.points, constraints.planes)
+    x, y, z = mapped[0]
+    raise DegenerateGeometryError(
+        f"all {len(constraints.first) - 1} targets pass through one point, ({x:.3g}, {y:.3g}, {z:.3g}), so the scale "
+        "is free; add some that do not",
+        code="lines-through-one-point",
+    )
 
 
 def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -> Registration:
@@ -280,6 +303,8 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
         threshold_mm=fit.threshold_mm,
         samples=fit.samples,
         converged=fit.converged,
+        sigma_px=fit.sigma_px if fit.weighting == "likelihood" else None,
+        sigma_mm=fit.sigma_mm if fit.weighting == "likelihood" else None,
         _others=lambda: alternatives_to(
             similarity, covariance, constraints.select(inlier), seed=options.seed
         ),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from sonocal.errors import InputError
 from sonocal.geometry import Array, AxisScaled
 from sonocal.registration.options import Options
 
-__all__ = ["PointLineRows", "to_core"]
+__all__ = ["PointLineRows", "noise_level", "to_core"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +75,56 @@ class PointLineRows:
             sigma_mm=None if self.sigma_mm is None else self.sigma_mm[chosen],
         )
 
+    @property
+    def spanning_mm(self) -> Array:
+        """(N, 2, 3): the points that span each row's line."""
+        return self.segments_mm
+
+    @property
+    def spans(self) -> NDArray[np.int32]:
+        """(N,): how many points span each row's target."""
+        return np.full(len(self), 2, dtype=np.int32)
+
+    def with_spanning(self, spanning_mm: Array) -> PointLineRows:
+        """The same points on lines that are elsewhere."""
+        return replace(self, segments_mm=spanning_mm)
+
+    def mirrored(self) -> PointLineRows:
+        """The rows of a volume mirrored along one axis; along which is all the same, a turn apart."""
+        return replace(self, points=self.points * [1.0, 1.0, -1.0])
+
+    def marks(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Rows (N,) as the core takes them."""
+        return chosen
+
+    def codes(self, labels: NDArray[Any]) -> NDArray[np.int32]:
+        """The group (N,) of each row, as the core takes them."""
+        return np.ascontiguousarray(labels, dtype=np.int32)
+
+    def times(self, time: Array) -> Array:
+        """Likewise of times (N,)."""
+        return np.ascontiguousarray(time, dtype=float)
+
+    def residuals(self, chosen: NDArray[np.bool_]) -> int:
+        """How many numbers tell the chosen rows from their lines."""
+        return 2 * int(np.count_nonzero(chosen))
+
     def level_px(self, sigma_px: float | None) -> float:
         """The core's level of point noise: given, or 1 beside a column of it, or 0: to be estimated."""
-        return sigma_px or (0.0 if self.sigma_px is None else 1.0)
+        return noise_level(sigma_px, self.sigma_px)
 
     def level_mm(self, sigma_mm: float | None) -> float:
         """The core's level of segment noise; as `level_px`."""
-        return sigma_mm or (0.0 if self.sigma_mm is None else 1.0)
+        return noise_level(sigma_mm, self.sigma_mm)
 
     def core_options(self, options: Options) -> _core.Options:
         """The options as the core takes them for these rows."""
         return options.to_core(self.level_px(options.sigma_px), self.level_mm(options.sigma_mm))
+
+
+def noise_level(given: float | None, column: Array | None) -> float:
+    """The core's level of noise: given, or 1 beside a column of it, or 0: to be estimated."""
+    return given or (0.0 if column is None else 1.0)
 
 
 def to_core(transform: AxisScaled) -> _core.Transform:

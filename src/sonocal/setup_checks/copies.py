@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.registration.copies import common_shift, lies_one_way, parted
+from sonocal.registration.mapped import MappedRows
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.threshold import cut_deviation
@@ -35,12 +36,12 @@ def check_copies(evidence: Evidence) -> Iterator[Diagnostic]:
     """
     table = evidence.table
     assert table.target is not None
-    if len(np.unique(table.target)) > 1:
+    if not isinstance(evidence.mapped, MappedRows) or len(np.unique(table.target)) > 1:
         return
-    yield from _among_left_out(evidence) or _among_used(evidence)
+    yield from _among_left_out(evidence, evidence.mapped.directions) or _among_used(evidence)
 
 
-def _among_left_out(evidence: Evidence) -> tuple[Diagnostic, ...]:
+def _among_left_out(evidence: Evidence, directions: Array) -> tuple[Diagnostic, ...]:
     left = np.flatnonzero(~evidence.inlier & (evidence.mapped.distances <= FARTHEST_MM))
     # A fit of what a threshold cuts out of wider noise may be off towards any side, and leave more on the other.
     if len(left) < LEAST_ROWS or cut_deviation(evidence) is not None:
@@ -50,7 +51,7 @@ def _among_left_out(evidence: Evidence) -> tuple[Diagnostic, ...]:
     displaced, by_shift = evidence.mapped.residuals[left], _by_shift(evidence, left)
     found = common_shift(displaced, by_shift, groups, within_mm=within_mm, among=len(np.unique(groups)))
     if found is None or not lies_one_way(
-        found, displaced, by_shift, groups, evidence.mapped.directions[left], within_mm=within_mm
+        found, displaced, by_shift, groups, directions[left], within_mm=within_mm
     ):
         return ()
     rows = left[found.explained]
@@ -88,8 +89,7 @@ def _sightings(evidence: Evidence) -> NDArray[np.int64]:
 
 def _across(evidence: Evidence, rows: NDArray[np.int64], moved: Array) -> Array:
     """(M, 3, k): of what moves points, the part across their lines."""
-    directions = evidence.mapped.directions[rows]
-    return np.asarray(moved - directions[:, :, None] * (directions[:, None, :] @ moved))
+    return evidence.mapped.across(rows, moved)
 
 
 def _by_shift(evidence: Evidence, rows: NDArray[np.int64]) -> Array:

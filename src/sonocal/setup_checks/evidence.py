@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
-from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mapped import Mapped
 from sonocal.registration.options import Model
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 
 __all__ = ["Evidence"]
 
@@ -35,7 +36,7 @@ class Evidence:
     """
 
     observations: Observations
-    mapped: MappedRows
+    mapped: Mapped
     model: Model
     covariance: Array | None
     area_px: Array
@@ -52,7 +53,7 @@ class Evidence:
         return self.mapped.transform
 
     @property
-    def table(self) -> PointLineRows:
+    def table(self) -> PointLineRows | TargetRows:
         """The rows as registration takes them."""
         return self.mapped.table
 

@@ -16,8 +16,8 @@ from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
 from sonocal.registration.uncertainty import point_jacobian, quantile_95
 from sonocal.registration.whitened import whitened
-from sonocal.setup_checks.lines_in_time import RowsInTime, ShiftedRows
 from sonocal.setup_checks.motion import FEWEST_FRAMES
+from sonocal.setup_checks.rows_in_time import RowsInTime, ShiftedRows
 
 __all__ = ["LagFit", "fit_lag"]
 
@@ -98,8 +98,8 @@ def fit_lag(rows: RowsInTime, start: AxisScaled, lag: float, options: Options, t
     """
     for _ in range(MOST_STEPS):
         shifted = rows.shifted(lag)
-        mapped = MappedRows(start, shifted.table)
-        fit = refine_point_lines(start, shifted.table, _agreeing(mapped, threshold_mm), options)
+        mapped = MappedRows(start, shifted.lines)
+        fit = refine_point_lines(start, shifted.lines, _agreeing(mapped, threshold_mm), options)
         sums = _Sums.of(shifted, fit)
         step = float(np.clip(sums.solved()[-1], -MOST_STEP_S, MOST_STEP_S))
         if abs(step) < AT_REST_S:
@@ -148,7 +148,7 @@ class _Sums:
     @classmethod
     def of(cls, shifted: ShiftedRows, fit: Fit) -> _Sums:
         """Of rows under a lag and the transform fitted to them."""
-        mapped = MappedRows(fit.transform, shifted.table)
+        mapped = MappedRows(fit.transform, shifted.lines)
         chosen, k = side_by_side(mapped, fit.inlier), len(fit.covariance)
         assert shifted.table.frame is not None
         frame = np.unique(shifted.table.frame[chosen], return_inverse=True)[1].reshape(-1)

@@ -7,18 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.geometry import Array
+from sonocal.registration.best_fit import refined_fit
 from sonocal.registration.fit import Fit
-from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mapped import mapped_rows
 from sonocal.registration.options import Model, Options
-from sonocal.registration.refine import refine_point_lines
-from sonocal.registration.robust import fit_point_lines
-from sonocal.registration.rows import PointLineRows
 from sonocal.registration.uncertainty import point_jacobian
+from sonocal.setup_checks.lag_trials import Trial, lag_trials, some_sightings, tried_lag
 from sonocal.setup_checks.latency import deviation_of, is_significant, latency_of, speed_of
-from sonocal.setup_checks.lines_in_time import Moved, RowsInTime, ShiftedRows
 from sonocal.setup_checks.motion import FEWEST_FRAMES, Motion
+from sonocal.setup_checks.rows_in_time import RowsInTime, ShiftedRows, Table
 
 __all__ = ["Lag", "find_lag", "rough_lag"]
 
@@ -29,11 +27,9 @@ MOST_S, STEP_S = 0.3, 0.02
 MOST_ASKED_S = 0.5
 MOST_FRAMES, STEP_FRAMES = 6.0, 0.5
 FEW_SAMPLES = 300
-# Sightings that take part in the search and in the refinement, evenly from the whole scan: more make it no surer.
-MOST_SEARCHED, MOST_REFINED = 400, 4000
+# Sightings that take part in the refinement, evenly from the whole scan: more make it no surer.
+MOST_REFINED = 4000
 REFINEMENTS = 6
-# Of the rows whose lines are known as they stand, those that must be known under a lag.
-LEAST_KNOWN = 0.5
 # Standard deviations, over stretches of the scan, of what a lag gains: half of those that the lag itself must have,
 # since the gain grows with its square.
 SIGNIFICANT_GAIN = 2.0
@@ -42,8 +38,6 @@ MUCH = 0.5
 STRETCHES = 12
 # Share of the velocities' squares that may be noise: needles that stand still tell of no lag.
 MOST_BY_NOISE = 0.75
-# An image shrunk to less than so many thresholds agrees with all lines that pass near one point.
-LEAST_SIZE = 2.0
 # Share of rows, each of which is meant to be right, that agree under a lag that is one.
 LEAST_AGREEING = 0.5
 # Share of a step within which a refined lag has come to rest.
@@ -77,26 +71,6 @@ class Lag:
         return abs(self.value) * self.speed
 
 
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """Rows under a lag, and the transform that most of them agree with, if any."""
-
-    shifted: ShiftedRows
-    fit: Fit | None
-    threshold_mm: float
-
-    @property
-    def costs(self) -> Array:
-        """(M,): of each row, between 0 and 1: truncated squared distances."""
-        if self.fit is None:
-            return np.ones(len(self.shifted.rows))
-        return np.minimum(self.fit.residuals_mm / self.threshold_mm, 1.0) ** 2
-
-    @property
-    def cost(self) -> float:
-        return float(self.costs.mean())
-
-
 def find_lag(
     rows: RowsInTime, threshold_mm: float, model: Model = "similarity", least: float = LEAST_AGREEING
 ) -> Lag | None:
@@ -113,11 +87,11 @@ def find_lag(
     """
     options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
     most, step = (MOST_S, STEP_S) if rows.unit == "s" else (MOST_FRAMES, STEP_FRAMES)
-    still, trials = _trials(rows, options, most, step)
+    still, trials = lag_trials(rows, options, most, step)
     best = min(trials, key=lambda one: one.cost, default=still)
     if best.fit is None:
         return None
-    found = _refined(rows.select(_some(rows, MOST_REFINED)), best, options, step, most)
+    found = _refined(rows.select(some_sightings(rows, MOST_REFINED)), best, options, step, most)
     return found if found is not None and found.agreeing >= least * found.compared else None
 
 
@@ -130,53 +104,12 @@ def rough_lag(rows: RowsInTime, threshold_mm: float, model: Model = "similarity"
         model: of the transform.
     """
     options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
-    still, trials = _trials(rows, options, MOST_ASKED_S, STEP_S)
+    still, trials = lag_trials(rows, options, MOST_ASKED_S, STEP_S)
     best = min((still, *trials), key=lambda one: one.cost)
     return None if best.fit is None else (float(best.shifted.lag), best.fit)
 
 
-def _trials(rows: RowsInTime, options: Options, most: float, step: float) -> tuple[_Trial, list[_Trial]]:
-    """Some of the rows as they stand, and under each lag up to the most at which enough of them are known."""
-    some = rows.select(_some(rows, MOST_SEARCHED))
-    still = _tried(some, 0.0, options)
-    if not _enough(still.shifted):
-        return replace(still, fit=None), []
-    count = round(most / step)
-    lags = step * np.arange(-count, count + 1)
-    trials = [_tried(some, lag, options) for lag in lags if lag != 0.0]
-    return still, [one for one in trials if len(one.shifted.rows) >= LEAST_KNOWN * len(still.shifted.rows)]
-
-
-def _some(rows: RowsInTime, most: int) -> NDArray[np.bool_]:
-    """(N,): the rows of up to so many sightings, evenly from all."""
-    sighting = np.arange(len(rows)) if rows.table.sightings is None else rows.table.sightings
-    count = int(sighting.max(initial=0)) + 1
-    kept = np.zeros(count, dtype=bool)
-    kept[np.unique(np.linspace(0, count - 1, min(most, count)).astype(int))] = True
-    return kept[sighting]
-
-
-def _enough(shifted: ShiftedRows) -> bool:
-    """Whether a lag can be looked for at all."""
-    assert shifted.table.frame is not None
-    return len(np.unique(shifted.table.frame)) >= FEWEST_FRAMES
-
-
-def _tried(rows: RowsInTime, lag: float, options: Options) -> _Trial:
-    """The rows under a lag, fitted by consensus."""
-    assert options.threshold_mm != "auto"
-    shifted = rows.shifted(lag)
-    try:
-        fit = fit_point_lines(shifted.table, options) if len(shifted.rows) >= FEWEST_FRAMES else None
-    except (NoConsensusError, DegenerateGeometryError):
-        fit = None
-    if fit is not None:
-        size = float(np.ptp(fit.transform.apply(shifted.table.points), axis=0).max())
-        fit = fit if size > LEAST_SIZE * options.threshold_mm else None
-    return _Trial(shifted, fit, options.threshold_mm)
-
-
-def _refined(rows: RowsInTime, best: _Trial, options: Options, step: float, most: float) -> Lag | None:
+def _refined(rows: RowsInTime, best: Trial, options: Options, step: float, most: float) -> Lag | None:
     """The lag and the transform refined together, if they stand against chance."""
     assert best.fit is not None
     lag, fit = best.shifted.lag, best.fit
@@ -194,20 +127,20 @@ def _refined(rows: RowsInTime, best: _Trial, options: Options, step: float, most
         if abs(change) < AT_REST * step:
             break
     assert motion is not None
-    found = _Trial(rows.shifted(lag), None, best.threshold_mm)
+    found = Trial(rows.shifted(lag), None, best.threshold_mm)
     found = replace(found, fit=_fitted(fit, found.shifted.table, options))
-    still = _tried(rows, 0.0, replace(options, max_samples=10 * FEW_SAMPLES))
+    still = tried_lag(rows, 0.0, replace(options, max_samples=10 * FEW_SAMPLES))
     return _compared(rows.time, found, still, motion)
 
 
-def _fitted(start: Fit, table: PointLineRows, options: Options) -> Fit:
+def _fitted(start: Fit, table: Table, options: Options) -> Fit:
     """The transform refined on the rows that agree with it; as it was, where none does."""
     assert options.threshold_mm != "auto"
-    agreeing = MappedRows(start.transform, table).distances <= options.threshold_mm
-    return refine_point_lines(start.transform, table, agreeing, options) if agreeing.any() else start
+    agreeing = mapped_rows(start.transform, table).distances <= options.threshold_mm
+    return refined_fit(start.transform, table, agreeing, options) if agreeing.any() else start
 
 
-def _compared(time: Array, found: _Trial, still: _Trial, motion: Motion) -> Lag | None:
+def _compared(time: Array, found: Trial, still: Trial, motion: Motion) -> Lag | None:
     """The lag, if it is surer than chance and its rows' costs are lower over the stretches of the scan."""
     assert found.fit is not None
     common, ours, theirs = np.intersect1d(found.shifted.rows, still.shifted.rows, return_indices=True)
@@ -242,19 +175,17 @@ def _signed_rank(gains: Array) -> float:
 
 def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> Motion | None:
     """What the transform's motions and time do to the rows that agree; None where they are too few or too slow."""
-    mapped = MappedRows(fit.transform, shifted.table)
+    mapped = mapped_rows(fit.transform, shifted.table)
     agree = np.flatnonzero(mapped.distances <= threshold_mm)
     assert shifted.table.frame is not None
     if len(np.unique(shifted.table.frame[agree])) < FEWEST_FRAMES:
         return None
     displaced = point_jacobian(fit.transform, shifted.table.points[agree], 7 + (fit.model == "anisotropic"))
-    directions = mapped.directions[agree]
-    share = (mapped.along_mm[agree] / mapped.lengths_mm[agree])[:, None]
-    velocities = shifted.moved.velocities[agree]
-    moved = velocities[:, 0] * (1 - share) + velocities[:, 1] * share
+    shares = mapped.shares[agree]
+    moved = np.einsum("nk,nki->ni", shares, shifted.moved.velocities[agree])
     frame = np.unique(shifted.table.frame[agree], return_inverse=True)[1].reshape(-1).astype(np.int64)
-    velocity = moved - directions * np.einsum("ni,ni->n", moved, directions)[:, None]
-    by_noise = _by_noise(shifted.moved, agree, share)
+    velocity = mapped.across(agree, moved[:, :, None])[:, :, 0]
+    by_noise = _by_noise(shifted, agree, shares)
     if by_noise[:, 1].sum() > MOST_BY_NOISE * np.sum(velocity**2):
         return None
     return Motion(
@@ -263,7 +194,7 @@ def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> M
         number=frame,
         residuals=mapped.residuals[agree],
         displaced=displaced,
-        jacobian=displaced - directions[:, :, None] * (directions[:, None, :] @ displaced),
+        jacobian=mapped.across(agree, displaced),
         velocity=velocity,
         usable=np.full(len(agree), True),
         unit=unit,
@@ -271,8 +202,9 @@ def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> M
     )
 
 
-def _by_noise(moved: Moved, rows: NDArray[np.int64], share: Array) -> Array:
-    """(M, 2): products of velocity with residual and itself that noise gives, over both directions across lines."""
-    across = 2.0 * ((1 - share) ** 2 + share**2)
+def _by_noise(shifted: ShiftedRows, rows: NDArray[np.int64], shares: Array) -> Array:
+    """(M, 2): products of velocity with residual and itself that noise gives, over all directions across targets."""
+    moved, directions = shifted.moved, 4.0 - shifted.table.spans[rows]
+    across = (directions * np.sum(shares**2, axis=1))[:, None]
     # A residual has the noise of the line taken away.
     return np.asarray(across * np.stack([-moved.coupling[rows], moved.unrest[rows]], axis=1))

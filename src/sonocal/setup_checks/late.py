@@ -18,8 +18,8 @@ from sonocal.setup_checks.latency import (
     latency_finding,
     latency_findings,
 )
-from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.motion import Motion
+from sonocal.setup_checks.rows_in_time import RowsInTime
 
 __all__ = ["lag_finding", "lags_of", "looks_late", "spoiling_lag"]
 

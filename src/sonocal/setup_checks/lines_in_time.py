@@ -1,28 +1,17 @@
-"""Where lines were at any moment, from where they were seen: what a lag between two clocks is tried with."""
+"""Where lines and other targets were at any moment, from where they were seen."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Protocol, Self
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array
-from sonocal.observations import Observations, group_codes
-from sonocal.registration.rows import PointLineRows
+from sonocal.observations import group_codes
 
-__all__ = [
-    "LONGEST_S",
-    "LinesInTime",
-    "Moved",
-    "RowsInTime",
-    "ShiftedRows",
-    "neighbours_noise",
-    "pieces_of",
-    "time_of",
-    "tracks_of",
-]
+__all__ = ["LONGEST_S", "LinesInTime", "Moved", "neighbours_noise", "pieces_of"]
 
 # Stretches between sightings that are bridged: up to this many usual ones, and in seconds no longer than a hand
 # keeps its course.
@@ -34,14 +23,6 @@ NEWTON_STEPS = 3
 MEDIAN_OF_SQUARES = 0.6745
 
 
-class Lines(Protocol):
-    """Lines whose places are known at any moment near those at which they were seen."""
-
-    def at(self, track: NDArray[np.int64], time: Array) -> Moved:
-        """Where the lines of some tracks (N,) were at some times (N,)."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class LinesInTime:
     """Segments as curves of time: cubic B-splines with the sightings as control points, in pieces without gaps.
@@ -51,7 +32,7 @@ class LinesInTime:
     would fit better than the true one. Time is such a curve, too: a steady motion stays one, whatever the stamps.
 
     Attributes:
-        places: (C, 6), mm: control points, in order of track and time, each piece with one more at either end.
+        places: (C, 3 K), mm: control points, in order of track and time, each piece with one more at either end.
         moments: (C,): of the control points, tracks one after another on one axis.
         knot: (M,): where the curve's knots are among them.
         begins: (M,): the curve's moment at each knot.
@@ -71,13 +52,13 @@ class LinesInTime:
     sigma_mm: float
 
     @classmethod
-    def of(cls, track: NDArray[np.int64], time: Array, segments_mm: Array, longest: float = np.inf) -> Self:
+    def of(cls, track: NDArray[np.int64], time: Array, spanning_mm: Array, longest: float = np.inf) -> Self:
         """Curves through sightings.
 
         Args:
             track: (M,): which needle each is a sighting of, counted from 0.
             time: (M,), finite; of sightings of a track at one time the first counts.
-            segments_mm: (M, 2, 3), finite.
+            spanning_mm: (M, K, 3), finite.
             longest: stretch that is bridged, in units of time.
         """
         offset = 2.0 * float(np.ptp(time)) + 2.0 * LONGEST_S + 2.0 if len(time) else 1.0
@@ -85,7 +66,7 @@ class LinesInTime:
         axis = time - origin + track * offset
         order = np.lexsort((np.arange(len(axis)), axis))
         order = order[np.concatenate([[True], np.diff(axis[order]) > 0])] if len(order) else order
-        axis, places = axis[order], segments_mm[order].reshape(-1, 6)
+        axis, places = axis[order], spanning_mm[order].reshape(len(order), -1)
         piece = pieces_of(axis, places, track[order], longest)
         kept = np.bincount(piece, minlength=1)[piece] >= LEAST_KNOTS
         axis, places, piece = axis[kept], places[kept], group_codes(piece[kept])
@@ -102,17 +83,19 @@ class LinesInTime:
         """Where the lines of some tracks (N,) were at some times (N,)."""
         axis = time - self.origin + track * self.offset
         if not len(self.knot):
-            return Moved.of(np.zeros(len(time), dtype=bool))
+            return Moved.of(np.zeros(len(time), dtype=bool), self.places.shape[1] // 3)
         here = np.clip(np.searchsorted(self.begins, axis, side="right") - 1, 0, None)
         here -= (~self.joined[here]) & (self.begins[here] == axis)  # the very end of a piece
-        found = Moved.of((here >= 0) & (self.begins[here] <= axis) & self.joined[here])
+        known = (here >= 0) & (self.begins[here] <= axis) & self.joined[here]
+        found = Moved.of(known, self.places.shape[1] // 3)
         usable = found.usable
         control = self.knot[here[usable], None] + np.arange(-1, 3)
         moments = self.moments[control]
         weights, rates = _weights(_solved(moments, axis[usable]))
         rates = _ratio(rates, np.einsum("nk,nk->n", rates, moments)[:, None])
-        found.segments_mm[usable] = np.einsum("nk,nki->ni", weights, self.places[control]).reshape(-1, 2, 3)
-        found.velocities[usable] = np.einsum("nk,nki->ni", rates, self.places[control]).reshape(-1, 2, 3)
+        shape = found.spanning_mm[usable].shape
+        found.spanning_mm[usable] = np.einsum("nk,nki->ni", weights, self.places[control]).reshape(shape)
+        found.velocities[usable] = np.einsum("nk,nki->ni", rates, self.places[control]).reshape(shape)
         found.coupling[usable] = self.sigma_mm**2 * np.einsum("nk,nk->n", weights, rates)
         found.unrest[usable] = self.sigma_mm**2 * np.einsum("nk,nk->n", rates, rates)
         return found
@@ -124,133 +107,30 @@ class Moved:
 
     Attributes:
         usable: (N,): whether they are known; else all is 0.
-        segments_mm: (N, 2, 3).
-        velocities: (N, 2, 3), mm a unit of time, of their ends.
-        coupling: (N,): covariance, along each axis, of an end's noise with that of its velocity. Both are made of the
+        spanning_mm: (N, K, 3): two ends of lines, three points of a mix.
+        velocities: (N, K, 3), mm a unit of time, of these.
+        coupling: (N,): covariance, along each axis, of a point's noise with that of its velocity. Both are made of the
             same sightings: it draws a lag to where between them the curve smooths most.
-        unrest: (N,): variance, along each axis, of the noise of an end's velocity: it makes lags look surer than they
+        unrest: (N,): variance, along each axis, of the noise of a point's velocity: it makes lags look surer than they
             are.
     """
 
     usable: NDArray[np.bool_]
-    segments_mm: Array
+    spanning_mm: Array
     velocities: Array
     coupling: Array
     unrest: Array
 
     @classmethod
-    def of(cls, usable: NDArray[np.bool_]) -> Self:
-        """With nothing filled in."""
+    def of(cls, usable: NDArray[np.bool_], points: int = 2) -> Self:
+        """With nothing filled in, of so many points each."""
         count = len(usable)
-        return cls(usable, np.zeros((count, 2, 3)), np.zeros((count, 2, 3)), np.zeros(count), np.zeros(count))
+        places = np.zeros((count, points, 3))
+        return cls(usable, places, places.copy(), np.zeros(count), np.zeros(count))
 
     def select(self, rows: NDArray[np.bool_]) -> Moved:
         """Some of them."""
         return Moved(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
-
-
-@dataclass(frozen=True, eq=False)
-class ShiftedRows:
-    """Rows with their lines where they were a lag later.
-
-    Attributes:
-        lag: in units of time.
-        rows: (M,): which rows they are: those whose lines are known then.
-        table: these, as registration takes them.
-        moved: the lines, with their velocities.
-    """
-
-    lag: float
-    rows: NDArray[np.int64]
-    table: PointLineRows
-    moved: Moved
-
-
-@dataclass(frozen=True, eq=False)
-class RowsInTime:
-    """Rows (N), and where their lines are at any lag.
-
-    Attributes:
-        table: the rows as registration takes them.
-        lines: where their needles were at any moment.
-        track, time: (N,): which needle, and when, counted from the earliest sighting.
-        unit: of time: "s", or "frames".
-    """
-
-    table: PointLineRows
-    lines: Lines
-    track: NDArray[np.int64]
-    time: Array
-    unit: str
-
-    @classmethod
-    def of(cls, observations: Observations, table: PointLineRows) -> Self:
-        """Of a table alone: each needle's sightings say where it was in between. Rows come in the order of time."""
-        time, unit = time_of(observations, np.arange(len(observations)))
-        track = tracks_of(observations, table)
-        order = np.lexsort((*table.points.T, track, time))
-        table, track, time = table.select(order), track[order], time[order] - time[order[:1]]
-        return cls(table, LinesInTime.of(track, time, table.segments_mm, _longest(unit)), track, time, unit)
-
-    @classmethod
-    def in_recording(
-        cls,
-        table: PointLineRows,
-        times: Array,
-        segments_mm: Array,
-        frame: NDArray[np.int64],
-        track: NDArray[np.int64],
-    ) -> Self:
-        """Of sightings in a recording, whose every item says where its needles were.
-
-        Args:
-            table: the sightings.
-            times: (I,), s, of the items.
-            segments_mm: (I, L, 2, 3): each needle's in each item, NaN where it is not known.
-            frame: (N,): the item of each row.
-            track: (N,): its needle.
-        """
-        order = np.lexsort((*table.points.T, track, frame))
-        table, frame, track = table.select(order), frame[order], track[order]
-        items, needles = np.nonzero(np.isfinite(segments_mm).all(axis=(2, 3)))
-        time = times - times.min()
-        lines = LinesInTime.of(needles, time[items], segments_mm[items, needles], LONGEST_S)
-        return cls(table, lines, track, time[frame], "s")
-
-    def __len__(self) -> int:
-        return len(self.table)
-
-    def select(self, rows: NDArray[np.bool_]) -> RowsInTime:
-        """Some of the rows, with the lines of all."""
-        return replace(self, table=self.table.select(rows), track=self.track[rows], time=self.time[rows])
-
-    def shifted(self, lag: float) -> ShiftedRows:
-        """The rows whose lines are known a lag later, with these."""
-        moved = self.lines.at(self.track, self.time + lag)
-        known = moved.usable
-        segments = np.where(known[:, None, None], moved.segments_mm, self.table.segments_mm)
-        table = replace(self.table, segments_mm=segments).select(known)
-        return ShiftedRows(lag, np.flatnonzero(known), table, moved.select(known))
-
-
-def time_of(observations: Observations, rows: NDArray[np.int64]) -> tuple[Array, str]:
-    """(N,) of the rows, and its unit: the column ``time_s`` where there is one, else the frame's number."""
-    if (stamps := observations.stamps_s(rows)) is not None:
-        return stamps, "s"
-    return observations.frame[rows].astype(float), "frames"
-
-
-def tracks_of(observations: Observations, table: PointLineRows) -> NDArray[np.int64]:
-    """(N,): which needle of which split each row is a sighting of."""
-    split, target = observations.split, table.target
-    assert target is not None
-    if np.all(split == split[:1]):
-        return target.astype(np.int64)
-    return group_codes(split, observations.target)
-
-
-def _longest(unit: str) -> float:
-    return LONGEST_S if unit == "s" else np.inf
 
 
 def pieces_of(
@@ -261,8 +141,8 @@ def pieces_of(
         return np.zeros(0, dtype=np.int64)
     step, same = np.diff(axis), np.diff(track) == 0
     usual = float(np.median(step[same])) if same.any() else 0.0
-    along = places[:, 3:] - places[:, :3]
-    turned = np.einsum("ni,ni->n", along[1:], along[:-1]) <= 0
+    along = places[:, 3:6] - places[:, :3]  # of a point none, which does not turn round
+    turned = np.einsum("ni,ni->n", along[1:], along[:-1]) < 0
     broken = ~same | turned | (step > min(most_steps * usual, longest))
     return np.concatenate([[0], np.cumsum(broken)])
 

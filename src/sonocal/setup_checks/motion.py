@@ -12,7 +12,7 @@ from sonocal.geometry import Array
 from sonocal.observations import group_codes
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.setup_checks.evidence import Evidence
-from sonocal.setup_checks.lines_in_time import time_of, tracks_of
+from sonocal.setup_checks.rows_in_time import time_of, tracks_of
 
 __all__ = ["FEWEST_FRAMES", "Motion", "motion_of", "ridged"]
 
@@ -94,8 +94,7 @@ def motion_of(evidence: Evidence) -> Motion | None:
     if not len(rows) or frame.max() + 1 < FEWEST_FRAMES:
         return None
     displaced = point_jacobian(evidence.transform, table.points[rows], evidence.parameters)
-    directions = evidence.mapped.directions[rows]
-    jacobian = displaced - directions[:, :, None] * (directions[:, None, :] @ displaced)
+    jacobian = evidence.mapped.across(rows, displaced)
     time, unit = time_of(evidence.observations, rows)
     velocity, usable = _velocities(evidence, rows, time)
     return Motion(
@@ -117,18 +116,16 @@ def ridged(matrices: Array) -> Array:
 
 
 def _velocities(evidence: Evidence, rows: NDArray[np.int64], time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Velocity (N, 3) across the line of the needle's point that was seen, from the sightings before and after."""
-    segments, directions = evidence.table.segments_mm[rows], evidence.mapped.directions[rows]
+    """Velocity (N, 3) across the target of its point that was seen, from the sightings before and after."""
+    spanning = evidence.table.spanning_mm[rows]
     track = tracks_of(evidence.observations, evidence.table)[rows]
     order = np.lexsort((time, track))
     ahead = (track[order[1:]] != track[order[:-1]]) | (time[order[1:]] > time[order[:-1]])
     order = order[np.concatenate([[True], ahead])]  # of sightings at one time the first
     inside = track[order[:-2]] == track[order[2:]]
     before, here, after = (part[inside] for part in (order[:-2], order[1:-1], order[2:]))
-    change = (segments[after] - segments[before]) / (time[after] - time[before])[:, None, None]
-    share = evidence.mapped.along_mm[rows[here]] / evidence.mapped.lengths_mm[rows[here]]
-    moved = change[:, 0] + share[:, None] * (change[:, 1] - change[:, 0])
-    along = np.einsum("ni,ni->n", moved, directions[here])
+    change = (spanning[after] - spanning[before]) / (time[after] - time[before])[:, None, None]
+    moved = np.einsum("nk,nki->ni", evidence.mapped.shares[rows[here]], change)
     velocity, usable = np.zeros((len(rows), 3)), np.zeros(len(rows), dtype=bool)
-    velocity[here], usable[here] = moved - along[:, None] * directions[here], True
+    velocity[here], usable[here] = evidence.mapped.across(rows[here], moved[:, :, None])[:, :, 0], True
     return velocity, usable

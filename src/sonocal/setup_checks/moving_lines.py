@@ -13,14 +13,8 @@ from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.observations.velocities import VELOCITY_COLUMNS, velocities_of
 from sonocal.registration.rows import PointLineRows
-from sonocal.setup_checks.lines_in_time import (
-    LONGEST_S,
-    Moved,
-    RowsInTime,
-    neighbours_noise,
-    pieces_of,
-    tracks_of,
-)
+from sonocal.setup_checks.lines_in_time import LONGEST_S, Moved, neighbours_noise, pieces_of
+from sonocal.setup_checks.rows_in_time import RowsInTime, tracks_of
 
 __all__ = ["MovingLines", "line_velocities", "moving_in_recording", "moving_in_table"]
 
@@ -98,7 +92,7 @@ class MovingLines:
         found.usable[:] = bridged | (np.minimum(np.abs(since), np.abs(until)) <= self.reach_s)
         for node, gap, part in ((before, since, 1.0 - share), (after, -until, share)):
             carried = self.segments_mm[node] + gap[:, None, None] * self.velocities[node]
-            found.segments_mm[:] += part[:, None, None] * carried
+            found.spanning_mm[:] += part[:, None, None] * carried
             found.velocities[:] += part[:, None, None] * self.velocities[node]
             found.unrest[:] += part * self.unrest[node]
         return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +12,11 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
-from sonocal.registration.mirrored import mirrored_finding, mirrored_volume
+from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mirrored import mirrored_finding
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.evidence import Evidence
 
 __all__ = [
@@ -84,7 +85,7 @@ def _check_mirrored_volume(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def _mirrored_fit(evidence: Evidence) -> Fit | None:
     """The fit of the mirrored volume, if it is the better one."""
-    mirrored, agree = mirrored_volume(evidence.table), int(evidence.inlier.sum())
+    mirrored, agree = evidence.table.mirrored(), int(evidence.inlier.sum())
     # A threshold that was to be found from rows of a mirrored volume is as wide as the volume.
     for within_mm in sorted({evidence.threshold_mm, min(evidence.threshold_mm, USUAL_MM)}):
         other = quick_fit(mirrored, within_mm)
@@ -161,7 +162,7 @@ def check_needle_end(evidence: Evidence) -> Iterator[Diagnostic]:
     The fit uses the infinite line and does not notice; whatever uses the tip will.
     """
     agree = evidence.inlier
-    if not agree.any():
+    if not agree.any() or not isinstance(evidence.mapped, MappedRows):
         return
     along, lengths = evidence.mapped.along_mm[agree], evidence.mapped.lengths_mm[agree]
     for name, past in (("first", -along), ("second", along - lengths)):
@@ -182,7 +183,7 @@ def check_needle_end(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def check_tool_frame(
-    table: PointLineRows,
+    table: PointLineRows | TargetRows,
     *,
     tracker_from_probe: Array | None = None,
     threshold_mm: float = 5.0,
@@ -201,8 +202,8 @@ def check_tool_frame(
     if tracker_from_probe is not None:
         inverse = np.linalg.inv(tracker_from_probe)
         for where, pose in (("the tracker's frame", inverse), ("a frame twice removed", tracker_from_probe)):
-            moved = np.einsum("nij,nkj->nki", pose[:, :3, :3], table.segments_mm) + pose[:, None, :3, 3]
-            found[where] = _agreeing_share(replace(table, segments_mm=moved), threshold_mm)
+            moved = np.einsum("nij,nkj->nki", pose[:, :3, :3], table.spanning_mm) + pose[:, None, :3, 3]
+            found[where] = _agreeing_share(table.with_spanning(moved), threshold_mm)
     best = max(found, key=lambda name: found[name]) if found else ""
     if found and found[best] > max(GOOD_SHARE, share + GAIN):
         yield wrong_frame(
@@ -217,7 +218,7 @@ def check_tool_frame(
         )
 
 
-def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
+def _agreeing_share(table: PointLineRows | TargetRows, threshold_mm: float) -> float:
     found = quick_fit(table, threshold_mm)
     if found is None:
         return 0.0
@@ -226,7 +227,7 @@ def _agreeing_share(table: PointLineRows, threshold_mm: float) -> float:
     return 0.0 if lengths < 2.0 * threshold_mm else float(found.inlier.mean())
 
 
-def quick_fit(table: PointLineRows, threshold_mm: float) -> Fit | None:
+def quick_fit(table: PointLineRows | TargetRows, threshold_mm: float) -> Fit | None:
     """The fit of rows that may make no sense, from fewer samples; None where there is none."""
     try:
         return best_fit(table, Options(threshold_mm=threshold_mm, max_samples=FEW_SAMPLES))[0]

@@ -10,15 +10,16 @@ import numpy as np
 from sonocal.findings import DECISIVE, Diagnostic, warnings_first
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
-from sonocal.registration.degeneracy import nearly_degenerate
-from sonocal.registration.mirrored import mirrored_finding, mirrored_volume
+from sonocal.registration.mirrored import mirrored_finding
+from sonocal.registration.near_degeneracy import nearly_degenerate
 from sonocal.registration.options import Model
 from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.late import lag_finding
 from sonocal.setup_checks.latency import LEAST_LAG_MM
-from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.placement import GOOD_SHARE, POOR_SHARE, USUAL_MM, quick_fit, wrong_frame
+from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.setup_checks.threshold import ENOUGH_DEVIATIONS, agreeing_further, threshold_too_small
 
 __all__ = ["CHECKS", "Refused", "refusal_findings"]
@@ -40,7 +41,7 @@ class Refused:
     """
 
     observations: Observations
-    table: PointLineRows
+    table: PointLineRows | TargetRows
     model: Model
     threshold_mm: float
     agreeing: int | None = None
@@ -61,9 +62,10 @@ def check_late(refused: Refused) -> Iterator[Diagnostic]:
 
 def check_mirrored(refused: Refused) -> Iterator[Diagnostic]:
     """A volume that fits once it is mirrored; where it fits nothing as it stands, the refusal says so itself."""
-    if refused.table.dimension != 3 or nearly_degenerate(refused.table) is not None:
+    table = refused.table
+    if table.dimension != 3 or nearly_degenerate(table) is not None:
         return
-    fit = quick_fit(mirrored_volume(refused.table), refused.threshold_mm)
+    fit = quick_fit(refused.table.mirrored(), refused.threshold_mm)
     if fit is not None and np.mean(fit.inlier) > GOOD_SHARE:
         yield mirrored_finding(int(np.count_nonzero(fit.inlier)), len(fit.inlier))
 

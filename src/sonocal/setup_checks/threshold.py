@@ -8,6 +8,7 @@ import numpy as np
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
+from sonocal.registration.mapped import MappedRows
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.placement import USUAL_MM
 
@@ -50,7 +51,7 @@ def check_threshold(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def cut_deviation(evidence: Evidence) -> float | None:
-    """The noise per axis, mm, if the threshold is surely below 2.5 standard deviations of it.
+    """The noise per axis, mm, if the threshold is surely below 2.5 standard deviations of it; of lines alone.
 
         E[d^2 | d <= T] = 2 sigma^2 (1 - x / (e^x - 1)),    x = T^2 / (2 sigma^2)
 
@@ -59,6 +60,8 @@ def cut_deviation(evidence: Evidence) -> float | None:
 
     Source: moments of a truncated exponential distribution, which d^2 has.
     """
+    if not isinstance(evidence.mapped, MappedRows):
+        return None
     away = evidence.mapped.distances[evidence.inlier]
     sightings = evidence.table.sightings
     seen = len(away) if sightings is None else len(np.unique(sightings[evidence.inlier]))

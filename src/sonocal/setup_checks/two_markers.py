@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonocal.findings import Diagnostic
+from sonocal.registration.mapped import MappedRows
 from sonocal.registration.two_motions import two_motions
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.registration.whitened import across_lines
@@ -32,6 +33,8 @@ def check_two_markers(evidence: Evidence) -> Iterator[Diagnostic]:
     table, away = evidence.table, evidence.mapped.distances
     assert table.target is not None
     if len(np.unique(table.target)) > 1 or not evidence.inlier.any():
+        return
+    if not isinstance(evidence.mapped, MappedRows):
         return
     used = np.flatnonzero(evidence.inlier & (away <= FURTHEST_OUT * np.median(away[evidence.inlier])))
     sightings = np.arange(len(table)) if table.sightings is None else table.sightings

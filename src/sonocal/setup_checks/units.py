@@ -10,6 +10,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.geometry.axis_units import axis_doubt
 from sonocal.geometry.units import length_hints, scale_hints, scan_hints, unit_doubt
+from sonocal.observations.spanning import lengths_of
 from sonocal.setup_checks.evidence import Evidence
 
 __all__ = ["check_units"]
@@ -19,12 +20,13 @@ def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
     """Does the scale exist, and do segments, area and marker have a size that set-ups have?"""
     rows, transform = evidence.observations, evidence.transform
     hints = scale_hints(transform.scales[: evidence.parameters - 6], _deviation(evidence), rows.dimension)
-    hints += length_hints(rows.points_px, rows.segments_mm)
+    lengths = lengths_of(rows.spans, rows.segments_mm)
+    hints += length_hints(rows.points_px, lengths)
     if not hints and len(rows):
         middle = rows.points_px.mean(axis=0, keepdims=True)
         hints = scan_hints(
             image_mm=float((np.ptp(evidence.seen_px, axis=0) * transform.scales[: rows.dimension]).max()),
-            needle_mm=float(np.median(evidence.mapped.lengths_mm)),
+            needle_mm=float(np.median(lengths)) if len(lengths) else np.nan,
             marker_mm=float(np.linalg.norm(transform @ middle)),
             scale=float(transform.scales[: rows.dimension].max()),
             rms_mm=evidence.rms_mm,
@@ -34,10 +36,14 @@ def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def _of_one_target(evidence: Evidence) -> Array:
-    """(M, 2, 3): the segments of the target that has most rows."""
+    """(M, 2, 3): the segments of the line that has most rows; none where there is no line."""
+    line = evidence.table.spans == 2
     target = evidence.table.target
     assert target is not None
-    return np.asarray(evidence.table.segments_mm[target == np.argmax(np.bincount(target))])
+    if not line.any():
+        return np.zeros((0, 2, 3))
+    most = np.argmax(np.bincount(target[line]))
+    return np.asarray(evidence.table.spanning_mm[line & (target == most), :2])
 
 
 def _deviation(evidence: Evidence) -> float:

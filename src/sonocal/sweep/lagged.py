@@ -16,8 +16,8 @@ from sonocal.observations.velocities import with_velocities
 from sonocal.recording import Recording
 from sonocal.setup_checks.lag_fit import LagFit
 from sonocal.setup_checks.lag_search import rough_lag
-from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.moving_lines import moving_in_recording, velocities_in_recording
+from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.sweep.choice import CandidateCalibration
 from sonocal.sweep.options import PointsOptions, telling_threshold_mm
 from sonocal.sweep.tabulate import Posing, tabulate, tabulated

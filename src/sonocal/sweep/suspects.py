@@ -24,8 +24,8 @@ from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.late import lag_finding, spoiling_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
-from sonocal.setup_checks.lines_in_time import RowsInTime
 from sonocal.setup_checks.placement import GAIN, quick_fit, wrong_frame
+from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.sweep.tabulate import Posing, tabulated
 from sonocal.targets import Line
 

@@ -9,13 +9,10 @@ from pathlib import PurePath
 import numpy as np
 
 from sonocal.errors import WORDS, InputError, require
-from sonocal.geometry import Array, frozen, real_array
+from sonocal.geometry import Array, frozen, on_one_line, real_array
 from sonocal.geometry.shown import brief
 
 __all__ = ["Line", "Plane", "Point", "Target", "check_lines", "require_lines"]
-
-# Of a plane's two sides: a triangle that is flatter than this is none.
-FLAT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +96,7 @@ class Plane:
         points = frozen(np.array(real_array(f"plane {self.name!r}: its points", self.points_mm)))
         if points.shape != (3, 3) or not np.isfinite(points).all():
             raise InputError(f"plane {self.name!r}: needs three points of three finite numbers, mm")
-        along, aside = points[1] - points[0], points[2] - points[0]
-        if not np.linalg.norm(np.cross(along, aside)) > FLAT * np.linalg.norm(along) * np.linalg.norm(aside):
+        if on_one_line(points):
             raise InputError(f"plane {self.name!r}: has three points on one line; give three that span it")
         object.__setattr__(self, "points_mm", points)
 
