@@ -28,7 +28,7 @@ from sonocal.registration.register import Registration, register
 from sonocal.registration.spanned import SpannedRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
 
-__all__ = ["calibrate_mixed"]
+__all__ = ["calibrate_mixed", "spanned_sightings", "target_distances"]
 
 PARAMETERS = 7
 
@@ -57,7 +57,7 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
         raise UnsupportedError(
             f"{rows.source}: holds points or planes, and these need a threshold in mm; give one"
         )
-    sightings, of_row = _sightings(rows)
+    sightings, of_row = spanned_sightings(rows)
     found = register(
         rows_of_spanned(sightings),
         weighting=asked.weighting,
@@ -114,7 +114,7 @@ def _errors(similarity: Similarity, rows: Observations, threshold_mm: float) -> 
     return ErrorStatistics.of(distances, len(rows), int(np.sum(distances <= threshold_mm)))
 
 
-def _sightings(rows: Observations) -> tuple[SpannedRows, NDArray[np.int64]]:
+def spanned_sightings(rows: Observations) -> tuple[SpannedRows, NDArray[np.int64]]:
     """The rows as sightings, points of one sighting together; and which sighting each row is of (N,).
 
     Raises:

@@ -1,4 +1,4 @@
-"""Needles and walls in images: points and lines in 2D, lines and planes in 3D; of one image, and of a whole recording."""
+"""Needles and walls in images: points and lines in 2D, lines and planes in 3D; of an image, and of a recording."""
 
 from sonocal.detection.detections import Detections
 from sonocal.detection.grey import as_grey

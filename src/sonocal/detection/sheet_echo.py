@@ -19,8 +19,8 @@ __all__ = ["WallEcho", "wall_echo"]
 STEP_PX = 0.5
 WHITE = 250.0
 """Saturated pixels say nothing of the pulse's shape."""
-DEEP, DEEP_OF_WHITE = 0.5, 0.75
-"""Of the contrast, below the top: fainter are the pulse's wings, and the speckle; where the top is saturated less is left."""
+DEEP, DEEP_OF_WHITE = 0.5, 0.85
+"""Of the contrast, below the top: fainter are the pulse's wings, and the speckle; less is left of a saturated one."""
 FIRST = 0.6
 """Of the contrast: the first top that is so bright is the first echo."""
 BEYOND_PX = 0.5
@@ -31,7 +31,7 @@ FAINT = 0.35
 ALONG_PX = 2.0
 """Sections blurred along the wall, standard deviation: speckle is."""
 FARTHEST = 1.0
-"""From the first top of a section to its parabola's, in parts of how far the parabola reaches: it is saturated at most."""
+"""From the first top of a section to its parabola's, in parts of how far the parabola reaches."""
 FEWEST = 3
 """Samples of a flank."""
 WINDOW = 12.0
@@ -68,8 +68,8 @@ def wall_echo(
 
     steps = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)
     sections = _sampled(grey, stations, normal, steps)
-    seen = _sampled(mask.astype(np.float32), stations, normal, steps) > 0.99
-    whole = seen.all(axis=1)
+    seen = _sampled(mask.astype(np.float32), stations, normal, steps)
+    whole = np.asarray(np.all(seen > 0.99, axis=1))
     if stations.shape[1] == 2 and len(stations) > 1:
         weight = gaussian_filter1d(whole.astype(float), ALONG_PX)
         sums = gaussian_filter1d(np.where(whole[:, None], sections, 0.0), ALONG_PX, axis=0)
@@ -104,7 +104,7 @@ def _first_tops(sections: Array) -> NDArray[np.int64]:
     ahead = np.pad(sections, ((0, 0), (0, 1)), constant_values=-np.inf)[:, 1:]
     before = np.pad(sections, ((0, 0), (1, 0)), constant_values=-np.inf)[:, :-1]
     # Of a plateau, as of saturated pixels, the first: what follows it is no greater.
-    return np.argmax(bright & (sections >= ahead) & (sections > before), axis=1)
+    return np.asarray(np.argmax(bright & (sections >= ahead) & (sections > before), axis=1))
 
 
 def _sides(sections: Array, first: NDArray[np.int64]) -> Array:
@@ -112,7 +112,7 @@ def _sides(sections: Array, first: NDArray[np.int64]) -> Array:
     index = np.arange(sections.shape[1])
     before = np.where(index <= first[:, None], sections, np.inf).min(axis=1)
     behind = np.where(index >= first[:, None], sections, np.inf).min(axis=1)
-    return np.maximum(before, behind)
+    return np.asarray(np.maximum(before, behind))
 
 
 def _tops_of_flanks(
@@ -134,7 +134,11 @@ def _tops_of_flanks(
     curvature = _curvature(x2 - tilt2[:, None] * x, g - tilt[:, None] * x)
     place = (tilt + curvature * tilt2) / (2 * curvature)
     sound = (count >= FEWEST) & (np.abs(place) <= FARTHEST * np.sqrt(contrast / curvature))
-    return np.where(sound, steps[first] + place, np.nan)
+    # Where so much is white that no flank is left, the middle of what is white.
+    white = np.cumsum((sections < WHITE) & (s >= 0), axis=1) == 0
+    plateau = 0.5 * STEP_PX * (np.sum(white & (s >= 0), axis=1) - 1)
+    middle = np.where(top[:, 0] >= WHITE, plateau, np.nan)
+    return np.asarray(steps[first] + np.where(sound, place, middle))
 
 
 def _curvature(square: Array, grey: Array) -> Array:
@@ -146,7 +150,7 @@ def _curvature(square: Array, grey: Array) -> Array:
 
     sums = [(square * column).sum(axis=1) for column in (grey, square)]
     above, below = (gaussian_filter1d(one, WINDOW, mode="nearest") for one in sums)
-    return np.maximum(-above / np.maximum(below, 1e-9), LEAST_CURVATURE)
+    return np.asarray(np.maximum(-above / np.maximum(below, 1e-9), LEAST_CURVATURE))
 
 
 def _centred(column: Array, flank: NDArray[np.bool_], count: NDArray[np.int64]) -> Array:

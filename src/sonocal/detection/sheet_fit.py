@@ -81,7 +81,7 @@ def _weighted(design: Array, across: Array, weight: Array) -> Array:
 def _independent(along: Array, weight: Array) -> Array:
     """(D, D - 1): places along the sheet where a weighted fit's errors are uncorrelated.
 
-        cov(x, y) = (1 + x S^-1 y) sigma^2 / N = 0        S: the places' own covariance
+    cov(x, y) = (1 + x S^-1 y) sigma^2 / N = 0        S: the places' own covariance
     """
     middle = np.average(along, axis=0, weights=weight)
     off = along - middle

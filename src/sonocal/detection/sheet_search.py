@@ -70,13 +70,15 @@ def find_ridges(grey: NDArray[np.float32], mask: NDArray[np.bool_]) -> Ridges:
     """
     pool = max(1, round(max(grey.shape) / COARSE_SIDE[grey.ndim]))
     weight = _pooled(mask.astype(np.float32), pool)
-    coarse = _pooled(np.where(mask, grey, np.float32(0)), pool) / np.maximum(weight, 1e-3)
+    sums = _pooled(np.where(mask, grey, np.float32(0)), pool)
+    coarse: NDArray[np.float32] = np.divide(sums, np.maximum(weight, 1e-3), dtype=np.float32)
     inside = weight > 0.5
     fine, wide = (_blurred(coarse, inside, width) for width in (FINE_PX, WIDE_PX))
     standing = _standing(fine, inside) / _noise(fine - wide, inside)
     flat = np.flatnonzero(standing > LEAST)
-    if len(flat) > POINTS[grey.ndim]:
-        flat = np.sort(flat[np.argpartition(-standing.reshape(-1)[flat], POINTS[grey.ndim])[: POINTS[grey.ndim]]])
+    most = POINTS[grey.ndim]
+    if len(flat) > most:
+        flat = np.sort(flat[np.argpartition(-standing.reshape(-1)[flat], most)[:most]])
     places = np.stack(np.unravel_index(flat, standing.shape)[::-1], axis=-1).astype(float)
     return Ridges(places, np.minimum(standing.reshape(-1)[flat].astype(float), MOST), pool)
 
@@ -155,7 +157,7 @@ def _noise(response: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[
     usual = float(np.median(some)) if len(some) else 0.0
     around = _blurred(np.minimum(size, np.float32(3 * usual)), inside, NOISE_PX[response.ndim])
     # The mean of |x| is 0.8 standard deviations of a normal deviate.
-    return np.maximum(np.float32(1.25) * around, np.float32(FEWEST_GREY))
+    return np.asarray(np.maximum(np.float32(1.25) * around, np.float32(FEWEST_GREY)))
 
 
 def _blurred(values: NDArray[np.float32], inside: NDArray[np.bool_], width: float) -> NDArray[np.float32]:

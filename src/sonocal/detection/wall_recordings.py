@@ -70,7 +70,12 @@ class RecordedWalls(Images):
         self.reasons["what stands out stands still in the image"] += len(np.unique(found.frame[still]))
         left = found.select(~still)
         return Detections(
-            left.frame, left.points_px, left.covariance_px2, left.score, images=found.images, source=found.source
+            left.frame,
+            left.points_px,
+            left.covariance_px2,
+            left.score,
+            images=found.images,
+            source=found.source,
         )
 
 
@@ -92,4 +97,4 @@ def _apart(points: Array, sheet: Array) -> Array:
     """(N,): the farthest of the points (N, D, D) from the sheet through points (D, D)."""
     sides = sheet[1:] - sheet[0]
     normal = np.linalg.svd(sides)[2][-1]
-    return np.abs((points - sheet[0]) @ normal).max(axis=1)
+    return np.asarray(np.abs((points - sheet[0]) @ normal).max(axis=1))

@@ -160,7 +160,10 @@ class WallDetector:
             return SHORT
         if len(places) < COVERED * _area(spread) / SPACING_PX[axes] ** (axes - 1):
             return SPARSE
-        if _sag(places, sheet, spread) > max(LEAST_BENT_PX, BENT_SHARE * length) or sheet.sigma_px > RAGGED_PX[axes]:
+        if (
+            _sag(places, sheet, spread) > max(LEAST_BENT_PX, BENT_SHARE * length)
+            or sheet.sigma_px > RAGGED_PX[axes]
+        ):
             return BENT
         score = strength * float(np.sqrt(length / self._side))
         if score < LEAST_SCORE:
@@ -169,7 +172,7 @@ class WallDetector:
 
     @property
     def _reach(self) -> float:
-        return max(LEAST_REACH_PX[self._mask.ndim], REACH_SHARE * self._side)
+        return float(max(LEAST_REACH_PX[self._mask.ndim], REACH_SHARE * self._side))
 
     @property
     def _correlated(self) -> float:
@@ -184,7 +187,10 @@ def _stations(places: Array, normal: Array, spacing: float) -> Array:
     middle = places.mean(axis=0)
     along = np.linalg.svd(normal[None])[2][1:]
     spread = (places - middle) @ along.T
-    ticks = [np.arange(low, high + spacing, spacing) for low, high in zip(spread.min(0), spread.max(0), strict=True)]
+    ticks = [
+        np.arange(low, high + spacing, spacing)
+        for low, high in zip(spread.min(0), spread.max(0), strict=True)
+    ]
     grid = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(ticks))
     return np.asarray(middle + grid @ along)
 

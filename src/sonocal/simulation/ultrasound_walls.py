@@ -61,7 +61,9 @@ def wall_echo(
     tilt = np.arccos(np.clip(across, 0, 1))
     left = 10 ** (wall.oblique_db / 20)
     fading = 10 ** (wall.fading_db / 20 * _slow(points, rng))
-    rough = 1 + wall.roughness * (rng.normal(size=len(points)) + 1j * rng.normal(size=len(points))) / np.sqrt(2)
+    rough = 1 + wall.roughness * (rng.normal(size=len(points)) + 1j * rng.normal(size=len(points))) / np.sqrt(
+        2
+    )
     size = weights * fading * rough * (left + (1 - left) * np.exp(-0.5 * (tilt / wall.specular) ** 2))
     ways = [
         (np.zeros(len(points)), wall.wall_db),
@@ -100,7 +102,9 @@ def _patches(plane: Array, geometry: ProbeGeometry, look: Look) -> tuple[Array, 
     # Out of the slice's middle the wall is nearer or further.
     points = line[:, None] - (elevation * normal[2] / slope)[..., None] * down
     points[..., 2] = elevation
-    weights = np.broadcast_to(share / share.sum() * step / (np.sqrt(2 * np.pi) * look.lateral_mm[1]), elevation.shape)
+    weights = np.broadcast_to(
+        share / share.sum() * step / (np.sqrt(2 * np.pi) * look.lateral_mm[1]), elevation.shape
+    )
     return _within(points.reshape(-1, 3), weights.reshape(-1), geometry)
 
 
