@@ -20,6 +20,8 @@ __all__ = ["contact_sheet"]
 COLUMNS = 4
 TILE_PX = 320
 DOTS_PX = 4
+WALL_DOT_PX = 2
+"""A wall of an image is white, and a dot of one pixel is lost on it."""
 OTHER, FIRST, CHOSEN = (255, 170, 0), (255, 230, 90), (60, 230, 90)
 # By dimension, for each view: what is looked along (an axis of the array), and the image axes right and down.
 VIEWS: dict[int, tuple[tuple[int | None, list[int]], ...]] = {
@@ -124,7 +126,7 @@ def _view(
         if len(place) == 1:
             _cross(view, place[0], colour)
         for i in range(len(place) if len(place) > 2 else len(place) - 1):
-            _dots(view, place[[i, (i + 1) % len(place)]], colour)
+            _dots(view, place[[i, (i + 1) % len(place)]], colour, 1 if along is not None else WALL_DOT_PX)
     view[-1], view[:, -1] = 60, 60
     return view
 
@@ -136,12 +138,12 @@ def _small(grey: NDArray[np.float32], step: float) -> Pixels:
     return np.repeat(levels[v.astype(int)[:, None], u.astype(int), None], 3, axis=2)
 
 
-def _dots(tile: Pixels, ends: Array, colour: tuple[int, int, int]) -> None:
+def _dots(tile: Pixels, ends: Array, colour: tuple[int, int, int], size: int) -> None:
     """A line of dots, between which what they lie on stays visible."""
     count = max(2, int(np.linalg.norm(ends[1] - ends[0]) / DOTS_PX))
     for u, v in np.rint(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0])).astype(int):
         if 0 <= v < tile.shape[0] and 0 <= u < tile.shape[1]:
-            tile[v, u] = colour
+            tile[v : v + size, u : u + size] = colour
 
 
 def _cross(tile: Pixels, place: Array, colour: tuple[int, int, int]) -> None:
