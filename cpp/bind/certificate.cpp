@@ -15,8 +15,8 @@ using namespace sonocal;
 
 namespace {
 
-Certificate of_lines(const Table& table, const Chosen& chosen, const Transform& at, const Options& options) {
-  check_model(table, options);
+Certificate of_lines(const Table& table, const Chosen& chosen, const Transform& at, const Options& asked) {
+  const Options options = options_for(table, asked);
   require(options.weighting == Weighting::kGeometric || options.levels.px > 0 || options.levels.mm > 0,
           "the likelihood's weights need a noise level");
   const bool* rows = checked_rows(chosen, table);

@@ -27,6 +27,7 @@ constexpr double kRotationTolerance = 1e-6;
 Model model_named(const std::string& name) {
   if (name == "similarity") return Model::kSimilarity;
   if (name == "anisotropic") return Model::kAnisotropic;
+  if (name == "rigid") return Model::kScaleKnown;
   refuse("no such model: " + name);
 }
 
@@ -38,7 +39,9 @@ Weighting weighting_named(const std::string& name) {
 
 Options options_of(const std::string& model, const std::string& weighting, double threshold, double level_px,
                    double level_mm, double confidence, int max_samples, int exhaustive_samples,
-                   std::uint64_t seed) {
+                   std::uint64_t seed, double scale) {
+  check_scale(scale);
+  require((scale > 0) == (model == "rigid"), "the rigid model, and no other, has a known scale");
   require(threshold >= 0, "threshold is not a number from 0 on");
   require(usable(level_px) && level_px >= 0 && usable(level_mm) && level_mm >= 0,
           "a noise level is not a number from 0 on");
@@ -50,7 +53,8 @@ Options options_of(const std::string& model, const std::string& weighting, doubl
           weighting_named(weighting),
           threshold,
           {level_px, level_mm},
-          {confidence, max_samples, exhaustive_samples, seed}};
+          {confidence, max_samples, exhaustive_samples, seed},
+          scale};
 }
 
 using Rotation = In<double, nb::shape<3, 3>>;
@@ -115,9 +119,9 @@ PyEstimate to_python(const Estimate& e) {
   return result;
 }
 
-PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
+PyEstimate py_estimate(const BoundTable& bound, const Options& asked) {
   const Table table = bound.lines();
-  check_model(table, options);
+  const Options options = options_for(table, asked);
   Estimate result;
   bool plain = false;
   {
@@ -132,9 +136,9 @@ PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
 }
 
 PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transform& start,
-                     const Options& options) {
+                     const Options& asked) {
   const Table table = bound.lines();
-  check_model(table, options);
+  const Options options = options_for(table, asked);
   const bool* rows = checked_rows(chosen, table);
   Estimate result;
   {
@@ -145,9 +149,9 @@ PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transf
 }
 
 PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, const Transform& at,
-                              const Options& options) {
+                              const Options& asked) {
   const Table table = bound.lines();
-  check_model(table, options);
+  const Options options = options_for(table, asked);
   const bool* rows = checked_rows(chosen, table);
   WhiteResiduals white;
   {
@@ -252,12 +256,12 @@ void bind_estimate(nb::module_& m) {
           "__init__",
           [](Options* self, const std::string& model, const std::string& weighting, double threshold,
              double level_px, double level_mm, double confidence, int max_samples, int exhaustive_samples,
-             std::uint64_t seed) {
+             std::uint64_t seed, double scale) {
             new (self) Options(options_of(model, weighting, threshold, level_px, level_mm, confidence,
-                                          max_samples, exhaustive_samples, seed));
+                                          max_samples, exhaustive_samples, seed, scale));
           },
           nb::kw_only(), "model"_a, "weighting"_a, "threshold"_a, "level_px"_a, "level_mm"_a, "confidence"_a,
-          "max_samples"_a, "exhaustive_samples"_a, "seed"_a);
+          "max_samples"_a, "exhaustive_samples"_a, "seed"_a, "scale"_a = 0.0);
   nb::class_<Transform>(m, "Transform")
       .def(
           "__init__",

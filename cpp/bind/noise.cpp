@@ -80,12 +80,11 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
   return out;
 }
 
-NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at,
-                     const Options& options, const In<double, nb::ndim<2>>& covariance,
-                     const std::vector<Codes>& groupings, const std::optional<Times>& time, bool known_px,
-                     bool known_mm) {
+NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at, const Options& asked,
+                     const In<double, nb::ndim<2>>& covariance, const std::vector<Codes>& groupings,
+                     const std::optional<Times>& time, bool known_px, bool known_mm) {
   const Table table = bound.lines();
-  check_model(table, options);
+  const Options options = options_for(table, asked);
   const bool* rows = checked_rows(chosen, table);
   const TangentMatrix of_tangent = tangent_matrix(covariance, options);
   const std::vector<const std::int32_t*> codes = checked_codes(groupings, table);

@@ -92,7 +92,7 @@ def certificate(h: Hostile) -> Any:
 
 def noise_sums(h: Hostile) -> Any:
     table, rows, model = h.lines()
-    side = (8 if model == "anisotropic" else 7) + h.spoils()
+    side = h.unknowns + h.spoils()
     root = h.random.normal(size=(side, side)) * 1e-2
     groups = [h.codes(rows, most) for most in (1, 3, rows)][: h.pick([0, 1, 3])]
     about = h.transform(), h.options(model), h.array(root @ root.T), groups

@@ -6,30 +6,15 @@
 
 namespace sonocal {
 
-TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s,
-                             int parameters) {
-  const Vector3d sx = s * x, turned = cross(sx, n);
-  const bool alike = parameters == 7;
-  TangentRow j;
-  for (int i = 0; i < 3; ++i) {
-    j[i] = turned[i];
-    j[3 + i] = h * n[i];
-  }
-  j[6] = alike ? n.dot(sx) : n.dot(s.col(0)) * x[0];
-  j[7] = alike ? 0.0 : n.dot(s.col(1)) * x[1];
-  return j;
-}
-
 namespace {
 
-constexpr int kMostParameters = 8;
-using TangentSquare = Eigen::Matrix<double, kMostParameters, kMostParameters>;
-
 // sum += by v v'
-void add_outer(TangentSquare& sum, double by, const TangentRow& v) {
-  for (int c = 0; c < kMostParameters; ++c) {
+template <int kSize>
+void add_outer(Eigen::Matrix<double, kSize, kSize>& sum, double by,
+               const Eigen::Matrix<double, 1, kSize>& v) {
+  for (int c = 0; c < kSize; ++c) {
     const double of_column = by * v[c];
-    for (int r = 0; r < kMostParameters; ++r) sum.data()[r + kMostParameters * c] += of_column * v[r];
+    for (int r = 0; r < kSize; ++r) sum.data()[r + kSize * c] += of_column * v[r];
   }
 }
 
@@ -44,20 +29,22 @@ struct Needle {
 // A pixel's noise e adds n . dS e to the derivative J of r, the direction's noise q = -(n . q) d . d(S x + h
 // t): both are in J'J, and in J'r, too, where the derivatives of A and B take them out as long as the levels
 // are right.
+template <int kParameters>
 struct NoiseInJacobian {
-  TangentSquare px = TangentSquare::Zero(), mm = TangentSquare::Zero();
-  TangentRow by_ratio = TangentRow::Zero();
+  using Row = TangentRow<kParameters>;
+  using Square = Eigen::Matrix<double, Row::SizeAtCompileTime, Row::SizeAtCompileTime>;
+  Square px = Square::Zero(), mm = Square::Zero();
+  Row by_ratio = Row::Zero();
 
   // a, b: the squared levels of the row's point and segment.
   void add(const Vector3d& n, const Vector3d& d, const Vector3d& x, double h, const Needle& needle,
-           const Transform& at, const Matrix3d& s, int dimension, int parameters, double weight, double a,
-           double b) {
+           const Transform& at, const Matrix3d& s, int dimension, double weight, double a, double b) {
     const double tau = (d.dot(s * x + h * at.translation) - h * needle.middle) / needle.half_length;
-    const TangentRow along = residual_jacobian(d, x, h, s, parameters);
-    TangentRow by_px = TangentRow::Zero();  // half the derivative of A
+    const Row along = residual_jacobian<kParameters>(d, x, h, s);
+    Row by_px = Row::Zero();  // half the derivative of A
     double of_px = 0;
     for (int axis = 0; axis < dimension; ++axis) {
-      const TangentRow of_axis = residual_jacobian(n, Vector3d::Unit(axis), 0, s, parameters);
+      const Row of_axis = residual_jacobian<kParameters>(n, Vector3d::Unit(axis), 0, s);
       const double seen = n.dot(s.col(axis));
       add_outer(px, weight * a, of_axis);
       by_px += (a * seen) * of_axis;
@@ -94,7 +81,7 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
   out.by_level.setZero(count, 2);
   out.row.reserve(count);
   const Matrix3d linear = normalised.linear();
-  NoiseInJacobian in_jacobian;
+  NoiseInJacobian<kParameters> in_jacobian;
   NoiseBlocks blocks(noise, normalised, levels);
   IndependentBlock block;
   int to = 0;
@@ -106,7 +93,7 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
         const Vector3d x(block.x[0][i], block.x[1][i], block.x[2][i]);
         if (!alike) out.by_level.row(to) << block.alpha[k][i] * px * weight, block.beta[k][i] * mm * weight;
         out.residual[to] = root * block.residual[k][i];
-        const TangentRow jacobian = residual_jacobian(normal, x, block.h[i], linear, kParameters);
+        const auto jacobian = residual_jacobian<kParameters>(normal, x, block.h[i], linear);
         for (int c = 0; c < kParameters; ++c) {
           double sum = 0;
           for (int j = 0; j < kParameters; ++j) sum += jacobian[j] * from_original(j, c);
@@ -119,10 +106,10 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
         const double fp = table.dimension == 2 && table.noise.px ? table.noise.px[row] : 1;
         const double fm = table.noise.mm ? table.noise.mm[row] : 1;
         in_jacobian.add(normal, rows.direction(row), x, block.h[i], {rows.middle(row), rows.half_length(row)},
-                        normalised, linear, table.dimension, kParameters, weight, levels.px * fp * fp,
+                        normalised, linear, table.dimension, weight, levels.px * fp * fp,
                         levels.mm * fm * fm);
       }
-  const auto original = [&](const TangentSquare& sums) -> TangentMatrix {
+  const auto original = [&](const auto& sums) -> TangentMatrix {
     const Matrix used = sums.template topLeftCorner<kParameters, kParameters>();
     return transposed_product(from_original, product(used, from_original));
   };
@@ -138,8 +125,16 @@ WhiteResiduals whiten(const Table& table, const bool* chosen, const Transform& a
 
 WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Transform& at,
                                const Options& options) {
-  return options.model == Model::kSimilarity ? whiten<7>(table, chosen, at, options)
-                                             : whiten<8>(table, chosen, at, options);
+  switch (options.model) {
+    case Model::kScaleKnown:
+      return whiten<6>(table, chosen, at, options);
+    case Model::kSimilarity:
+      return whiten<7>(table, chosen, at, options);
+    case Model::kAnisotropic:
+      return whiten<8>(table, chosen, at, options);
+    default:
+      return whiten<9>(table, chosen, at, options);
+  }
 }
 
 }  // namespace sonocal

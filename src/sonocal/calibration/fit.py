@@ -43,7 +43,6 @@ def fit_rows(rows: Observations, options: Options) -> FittedRows:
         InputError: rows are too few, or 3D sightings are no lines.
         DegenerateGeometryError: the sightings leave a motion free.
         NoConsensusError: no calibration agrees with enough rows.
-        UnsupportedError: the anisotropic model of a 3D probe.
     """
     check_rows(rows, options.model)
     table = point_line_rows(rows)

@@ -12,6 +12,7 @@ from sonocal import _core
 from sonocal.geometry import Similarity
 from sonocal.registration.constraints import Rows
 from sonocal.registration.fit import Fit
+from sonocal.registration.lazy import Lazy
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows, to_core
 from sonocal.registration.spanned import SpannedRows
@@ -23,28 +24,13 @@ Certificate = Literal["optimal", "tied", "not shown"]
 """Every other answer costs more; none costs less, but another may cost the same; another may cost less."""
 
 
-class LazyCertificate:
+class LazyCertificate(Lazy[Certificate]):
     """A certificate that is looked for when it is first read."""
-
-    def __init__(self, look: Callable[[], Certificate]) -> None:
-        self._look = look
-        self._found: Certificate | None = None
 
     @classmethod
     def known(cls, found: Certificate = "not shown") -> LazyCertificate:
         """One that was looked for before, as in a file."""
         return cls(lambda: found)
-
-    def read(self) -> Certificate:
-        """The certificate."""
-        if self._found is None:
-            self._found = self._look()
-        return self._found
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, LazyCertificate) and self.read() == other.read()
-
-    __hash__ = None  # type: ignore[assignment]  # to be hashed it would have to be looked for
 
     def __reduce__(self) -> tuple[Callable[[Certificate], LazyCertificate], tuple[Certificate]]:
         return LazyCertificate.known, (self.read(),)

@@ -18,7 +18,9 @@ __all__ = ["check_units"]
 def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
     """Does the scale exist, and do segments, area and marker have a size that set-ups have?"""
     rows, transform = evidence.observations, evidence.transform
-    hints = scale_hints(transform.scales[: evidence.parameters - 6], _deviation(evidence), rows.dimension)
+    hints = scale_hints(
+        transform.scales[: max(evidence.parameters - 6, 1)], _deviation(evidence), rows.dimension
+    )
     hints += length_hints(rows.points_px, rows.segments_mm)
     if not hints and len(rows):
         middle = rows.points_px.mean(axis=0, keepdims=True)
@@ -41,7 +43,7 @@ def _of_one_target(evidence: Evidence) -> Array:
 
 
 def _deviation(evidence: Evidence) -> float:
-    """Of the logarithm of the scale that is known least."""
+    """Of the logarithm of the scale that is known least; 0 of one that was told."""
     if evidence.covariance is None:
         return 0.0
-    return float(np.sqrt(np.diag(evidence.covariance)[6:].max()))
+    return float(np.sqrt(np.diag(evidence.covariance)[6:].max(initial=0.0)))
