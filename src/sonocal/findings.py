@@ -155,6 +155,7 @@ REFUSALS = {
 # Codes of findings that explain others: many rows left out, a weak motion, a drift. They are read first.
 DECISIVE = {
     "implausible-units",
+    "known-scale-disagrees",
     "latency",
     "latency-beyond-tolerance",
     "wrong-poses",
@@ -197,7 +198,17 @@ CONSEQUENCES = {
 }
 
 # What a code explains is not said beside it: first echoes part the needles in those that lean one way and the other.
-EXPLAINED = {"slice-thickness": {"two-markers"}}
+# A scale that is wrong leaves the rows far from their lines, wherever these are and whenever they were.
+EXPLAINED = {
+    "slice-thickness": {"two-markers"},
+    "known-scale-disagrees": {
+        "wrong-tool-frame",
+        "wrong-poses",
+        "marker-slipped",
+        "two-markers",
+        "left-out-rows-agree",
+    },
+}
 
 # Codes of reasons of a verdict that are no findings.
 REASONS = {

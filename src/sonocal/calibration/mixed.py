@@ -12,25 +12,27 @@ from numpy.typing import NDArray
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.diagnostics import diagnose_fit, diagnose_weakness
 from sonocal.calibration.few_targets import ENOUGH_TARGETS
+from sonocal.calibration.models import model_findings
 from sonocal.calibration.options import Options, kept_options
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import InputError, UnsupportedError
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, UnsupportedError
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array, Similarity, area_places, homogeneous_points
 from sonocal.geometry.units import length_hints, scale_hints, scan_hints, unit_doubt
 from sonocal.observations import Observations
 from sonocal.registration.certificate import LazyCertificate
 from sonocal.registration.constraints import rows_of_spanned
+from sonocal.registration.lazy import Lazy
+from sonocal.registration.model_test import SURE, ModelTest, tested
 from sonocal.registration.noise import Noise
+from sonocal.registration.options import Model, unknowns
 from sonocal.registration.register import Registration, register
 from sonocal.registration.spanned import SpannedRows
 from sonocal.registration.uncertainty import point_covariance, radius_95, weakest_motion
 
 __all__ = ["calibrate_mixed"]
-
-PARAMETERS = 7
 
 
 def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Options) -> Calibration:
@@ -49,7 +51,7 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
     """
     if not len(rows):
         raise InputError(f"{rows.source}: has no row to fit; see ten sightings or more, of several targets")
-    if asked.model != "similarity":
+    if asked.model == "anisotropic":
         raise UnsupportedError(
             f"{rows.source}: holds points or planes, which are fitted by one scale; leave out the model"
         )
@@ -58,16 +60,7 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
             f"{rows.source}: holds points or planes, and these need a threshold in mm; give one"
         )
     sightings, of_row = _sightings(rows)
-    found = register(
-        rows_of_spanned(sightings),
-        weighting=asked.weighting,
-        threshold_mm=asked.threshold_mm,
-        sigma_px=asked.sigma_px,
-        sigma_mm=asked.sigma_mm,
-        confidence=asked.confidence,
-        max_samples=asked.max_samples,
-        seed=asked.seed,
-    )
+    found = _registered(sightings, asked, asked.scale_mm_per_px)
     similarity, inlier = found.target_from_source, found.inlier[of_row]
     residuals = target_distances(similarity, rows)
     targets = len(np.unique(rows.target[inlier]))
@@ -75,9 +68,9 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
     size, seen, area = image_area(rows, inlier, asked.image_size_px)
     calibration = Calibration(
         probe_from_image=similarity,
-        model="similarity",
-        covariance=found.covariance if predicts else None,
-        noise=_noise(found, residuals[inlier]),
+        model=asked.model,
+        covariance=_of_unknowns(found, asked.model) if predicts else None,
+        noise=_noise(found, asked.model, residuals[inlier]),
         area_px=area,
         image_size_px=size,
         seen_px=seen,
@@ -87,17 +80,56 @@ def calibrate_mixed(rows: Observations, held_out: Observations | None, asked: Op
         inlier=inlier,
         options=asked,
         _certificate=LazyCertificate(lambda: found.certificate),
+        _models=Lazy(partial(_scale_tested, sightings, asked, found, area_places(area)[:-1])),
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, asked)},
     )
     looks = (
         partial(diagnose_fit, found.inlier, found.threshold_mm, converged=found.converged, what="targets"),
         partial(_few_targets, 0 if predicts else targets),
         partial(_weakness, calibration),
+        partial(model_findings, calibration),
         partial(_units, calibration, rows, inlier),
         partial(area_findings, calibration, rows.points_px[inlier]),
         _checks_of_lines,
     )
     return replace(calibration, diagnostics=Findings(looks=looks))
+
+
+def _registered(sightings: SpannedRows, asked: Options, scale: float | None) -> Registration:
+    assert asked.threshold_mm != "auto"
+    return register(
+        rows_of_spanned(sightings),
+        weighting=asked.weighting,
+        threshold_mm=asked.threshold_mm,
+        sigma_px=asked.sigma_px,
+        sigma_mm=asked.sigma_mm,
+        scale=scale,
+        confidence=asked.confidence,
+        max_samples=asked.max_samples,
+        seed=asked.seed,
+    )
+
+
+def _scale_tested(
+    sightings: SpannedRows, asked: Options, found: Registration, places: Array
+) -> tuple[ModelTest, ...]:
+    """A known scale against a free one; nothing of a free one, or where the rows hold none."""
+    if asked.scale_mm_per_px is None:
+        return ()
+    try:
+        free = _registered(sightings, asked, None)
+    except (DegenerateGeometryError, NoConsensusError):
+        return ()
+    if free.covariance is None or not free.freedom > 0:
+        return ()
+    known, own = found.target_from_source, free.target_from_source
+    return tuple(tested(("rigid", known), ("similarity", own), free.covariance, (free.freedom, SURE), places))
+
+
+def _of_unknowns(found: Registration, model: Model) -> Array:
+    """(k, k): of a known scale `register` has a row and a column of zeros."""
+    assert found.covariance is not None
+    return found.covariance[:6, :6] if model == "rigid" else found.covariance
 
 
 def target_distances(similarity: Similarity, rows: Observations) -> Array:
@@ -144,9 +176,10 @@ def _sightings(rows: Observations) -> tuple[SpannedRows, NDArray[np.int64]]:
     return sightings, of_row
 
 
-def _noise(found: Registration, residuals_mm: Array) -> Noise:
+def _noise(found: Registration, model: Model, residuals_mm: Array) -> Noise:
     row_mm = float(np.sqrt(np.mean(residuals_mm**2))) if found.covariance is not None else np.nan
-    covariance = np.full((PARAMETERS, PARAMETERS), np.nan) if found.covariance is None else found.covariance
+    k = unknowns(model, 3)  # of one scale or none, whatever the image
+    covariance = np.full((k, k), np.nan) if found.covariance is None else _of_unknowns(found, model)
     return Noise(row_mm, covariance, int(min(found.freedom, 2**31)))
 
 
@@ -167,7 +200,7 @@ def _units(calibration: Calibration, rows: Observations, inlier: NDArray[np.bool
     """Whether the scale exists, what is spanned has a size that things have, and the probe's marker a place."""
     similarity, covariance = calibration.probe_from_image, calibration.covariance
     scale = float(similarity.scales[0])
-    deviation = 0.0 if covariance is None else float(np.sqrt(covariance[6, 6]))
+    deviation = 0.0 if covariance is None or len(covariance) < 7 else float(np.sqrt(covariance[6, 6]))
     hints = scale_hints(similarity.scales[:1], deviation, rows.dimension)
     spanned = inlier & (rows.spans >= 2)
     if spanned.any():
