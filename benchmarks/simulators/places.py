@@ -1,0 +1,254 @@
+"""Tank sweeps of a thread, a cross or a floor that nobody measured, and the least error that they can have.
+
+NumPy and SciPy alone: what judges an estimator shares nothing with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmarks.simulators.mixes import Array
+
+__all__ = ["IMAGE_PX", "Noise", "Sweep", "image_points", "least_error_mm", "sweep"]
+
+Kind = Literal["point", "line", "plane"]
+IMAGE_PX = (500, 500)
+SCALE_MM_PER_PX = 0.2
+SPANS = {"point": 1, "line": 2, "plane": 3}
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations along or about each axis: of a pixel, of a tracked pose."""
+
+    px: float = 1.0
+    mm: float = 0.3
+    deg: float = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """What a probe saw of one target, and the truth.
+
+    Attributes:
+        points_px: (N, 3).
+        poses: (N, 4, 4): the target's frame in the probe's, as tracked; rows of a frame have the same.
+        frame: (N,).
+        truth: (4, 4): probe from image.
+        true_poses: (N, 4, 4).
+        body_poses: (N, 4, 4): tracker from the target's frame, true.
+        place: (K, 3), mm: what spans the target.
+        tracked: whether the target's frame is tracked too.
+        wrong: (N,): which are outliers.
+        dimension: 2 or 3.
+    """
+
+    points_px: Array
+    poses: Array
+    frame: Array
+    truth: Array
+    true_poses: Array
+    place: Array
+    tracked: bool
+    wrong: Array
+    dimension: int
+
+
+def image_points(dimension: int = 2) -> Array:
+    """(25, 3) or (50, 3), px: evenly over the image, or over the volume's two ends."""
+    u, v = np.meshgrid(np.linspace(0, IMAGE_PX[0], 5), np.linspace(0, IMAGE_PX[1], 5))
+    flat = np.column_stack([u.ravel(), v.ravel(), np.zeros(u.size)])
+    return flat if dimension == 2 else np.vstack([flat, flat + [0, 0, 300.0]])
+
+
+def sweep(
+    kind: Kind,
+    frames: int,
+    seed: int,
+    noise: Noise | None = None,
+    *,
+    wrong: float = 0.0,
+    tilt_deg: float = 40.0,
+    yaw_deg: float = 180.0,
+    tracked: bool = False,
+    dimension: int = 2,
+    motion: str = "free",
+    points_each: int | None = None,
+) -> Sweep:
+    """Simulate it; a floor shows two points a frame, a thread one in an image and two in a volume.
+
+    Args:
+        kind: of target.
+        frames: how many.
+        seed: of everything.
+        noise: none: exact.
+        wrong: the share of outliers, which lie anywhere in the image.
+        tilt_deg: the image's largest tilt, of each of two.
+        yaw_deg: the largest turn about the vertical.
+        tracked: the target is held in a tracked tool's frame that moves.
+        dimension: of the image.
+        motion: "free", or a degenerate one: "translation", "one-axis", "yaw", "about-target", "pivot".
+        points_each: of a frame.
+    """
+    random = np.random.default_rng([seed, frames, SPANS[kind], dimension])
+    truth = np.eye(4)
+    truth[:3, :3] = SCALE_MM_PER_PX * Rotation.random(random_state=random.integers(2**31)).as_matrix()
+    truth[:3, 3] = random.normal(size=3) * 15 - truth[:3, :3] @ np.array([*IMAGE_PX, 0]) * 0.5
+    truth[:3, 3] += truth[:3, 1] / SCALE_MM_PER_PX * 80
+    along, across = _directions(kind, random)
+    middle = random.normal(size=3) * 200 + [0, 0, -1200]
+    place = np.array([middle, middle + 50 * along, middle + 50 * across])[: SPANS[kind]]
+    each = points_each or (2 if kind == "plane" or (kind == "line" and dimension == 3) else 1)
+    points, poses = _scan(kind, truth, middle, along, across, frames, each, random, tilt_deg, yaw_deg, motion, dimension)
+    body = np.broadcast_to(np.eye(4), poses.shape).copy()
+    local = np.eye(4)
+    if tracked:  # a tool's marker with the target fixed to it; the poses of the scan are seen from the tool
+        local[:3, :3], local[:3, 3] = Rotation.random(random_state=random.integers(2**31)).as_matrix(), random.normal(size=3) * 60
+        local[:3, 3] += middle
+    probe_from_target = poses @ local
+    place = (place - local[:3, 3]) @ local[:3, :3]
+    is_wrong = random.random(frames) < wrong
+    if noise is not None:
+        measured = _shaken(probe_from_target, noise, random)
+        if tracked:
+            measured = np.linalg.inv(_shaken(np.linalg.inv(measured), noise, random))
+        points = points + random.normal(size=points.shape) * noise.px * np.r_[1, 1, dimension == 3]
+    else:
+        measured = probe_from_target
+    low, high = np.zeros(3), np.array([*IMAGE_PX, 300.0 if dimension == 3 else 0.0])
+    anywhere = random.uniform(low, np.where(high > 0, high, 1), size=points.shape) * (high > 0)
+    points = np.where(is_wrong[:, None, None], anywhere, points)
+    repeat = np.repeat(np.arange(frames), each)
+    return Sweep(
+        points.reshape(-1, 3), measured[repeat], repeat, truth, probe_from_target[repeat], place, tracked,
+        is_wrong[repeat], dimension,
+    )
+
+
+def _directions(kind: Kind, random: np.random.Generator) -> tuple[Array, Array]:
+    """Along the target, or in it: a thread lies nearly flat, a floor is level."""
+    if kind == "plane":
+        tip = Rotation.from_rotvec(random.normal(size=3) * np.deg2rad([3, 3, 0])).as_matrix()
+        return tip[:, 0], tip[:, 1]
+    angle = random.uniform(0, np.pi)
+    along = np.array([np.cos(angle), np.sin(angle), random.normal() * 0.2])
+    along /= np.linalg.norm(along)
+    return along, np.cross(along, [0, 0, 1.0])
+
+
+def _scan(kind, truth, middle, along, across, frames, each, random, tilt_deg, yaw_deg, motion, dimension):
+    """Pixels (F, each, 3) and tracker poses inverted (F, 4, 4): the image over the target, from above."""
+    linear, points, poses = truth[:3, :3] / SCALE_MM_PER_PX, [], []
+    # The image's v axis points down into the tank, u across the thread, where nothing turns it.
+    home = np.column_stack([np.cross(along, [0, 0, -1.0]), [0, 0, -1.0], -along])
+    home, _ = np.linalg.qr(home)
+    home = home * np.sign(np.sum(home * np.column_stack([np.cross(along, [0, 0, -1.0]), [0, 0, -1.0], -along]), axis=0))
+    if np.linalg.det(home) < 0:
+        home[:, 2] *= -1
+    axis = random.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    for _ in range(frames):
+        tilts = np.deg2rad(random.uniform(-tilt_deg, tilt_deg, 2))
+        yaw = np.deg2rad(random.uniform(-yaw_deg, yaw_deg) * (0.25 if kind == "line" else 1))
+        turn = Rotation.from_euler("zxy", [yaw, *tilts]).as_matrix()
+        if motion == "translation":
+            turn = np.eye(3)
+        elif motion == "one-axis":
+            turn = Rotation.from_rotvec(axis * tilts[0]).as_matrix()
+        elif motion == "yaw":
+            turn = Rotation.from_euler("z", yaw).as_matrix()
+        elif motion == "about-target":
+            turn = Rotation.from_rotvec(along * tilts[0]).as_matrix()
+        image = turn @ home  # image axes in the room
+        rotation = image @ linear.T  # room from probe
+        margin = 0.15 * np.array(IMAGE_PX)
+        pixel = np.zeros(3)
+        pixel[:2] = random.uniform(margin, np.array(IMAGE_PX) - margin)
+        if dimension == 3:
+            pixel[2] = random.uniform(30, 270)
+        if motion == "pivot":
+            pixel[:2] = np.array(IMAGE_PX) * [0.5, 0.9]
+        there = middle + along * random.uniform(-40, 40) * (kind != "point")
+        if kind == "plane":
+            there = there + across * random.uniform(-40, 40)
+        pose = np.eye(4)
+        pose[:3, :3] = rotation
+        pose[:3, 3] = there - rotation @ (truth[:3, :3] @ pixel + truth[:3, 3])
+        shown = [pixel]
+        if each > 1:
+            step = _in_image(kind, image, along, across, dimension) * random.uniform(60, 150)
+            shown = [pixel - step, pixel + step] if each == 2 else [pixel + step * k for k in np.linspace(-1, 1, each)]
+        points.append(shown)
+        poses.append(np.linalg.inv(pose))
+    return np.array(points), np.array(poses)
+
+
+def _in_image(kind, image, along, across, dimension):
+    """A direction of the image (unit, px) that lies in the target."""
+    if kind == "plane":
+        normal = image.T @ np.cross(along, across)
+        step = np.array([normal[1], -normal[0], 0.0])
+    else:
+        step = image.T @ along
+    return step / np.linalg.norm(step)
+
+
+def _shaken(poses: Array, noise: Noise, random: np.random.Generator) -> Array:
+    """Poses (F, 4, 4) of something in the probe's frame, the probe's marker being mistaken."""
+    shake = np.broadcast_to(np.eye(4), poses.shape).copy()
+    shake[:, :3, :3] = Rotation.from_rotvec(np.deg2rad(noise.deg) * random.normal(size=(len(poses), 3))).as_matrix()
+    shake[:, :3, 3] = noise.mm * random.normal(size=(len(poses), 3))
+    return shake @ poses
+
+
+def least_error_mm(scene: Sweep, noise: Noise) -> tuple[float, Array]:
+    """The least rms error over the image (Cramer and Rao), mm, and the covariance (7 + place, square)."""
+    spans = len(scene.place)
+    frame = np.linalg.svd(scene.place[1:] - scene.place[0], full_matrices=True)[2] if spans > 1 else np.eye(3)
+    along, normals = frame[: spans - 1], frame[spans - 1 :]
+    count = 7 + len(normals) * spans
+    keep = ~scene.wrong
+
+    def away(i: int, tangent: Array, error: Array) -> Array:
+        linear = np.exp(tangent[6]) * Rotation.from_rotvec(tangent[:3]).as_matrix() @ scene.truth[:3, :3]
+        point = linear @ (scene.points_px[i] + error[:3]) + scene.truth[:3, 3] + tangent[3:6]
+        point = Rotation.from_rotvec(error[3:6]).as_matrix() @ point + error[6:9]
+        pose = scene.true_poses[i]
+        point = pose[:3, :3].T @ (point - pose[:3, 3])
+        point = Rotation.from_rotvec(error[9:12]).as_matrix() @ point + error[12:15] - scene.place[0]
+        turned = normals + np.einsum("nk,ki->ni", tangent[7 + len(normals) :].reshape(len(normals), spans - 1), along)
+        return turned @ point - tangent[7 : 7 + len(normals)]
+
+    flat = scene.dimension == 2
+    sigma = np.r_[noise.px, noise.px, 0 if flat else noise.px]
+    body = np.r_[np.full(3, np.deg2rad(noise.deg)), np.full(3, noise.mm)]
+    information = np.zeros((count, count))
+    for f in np.unique(scene.frame[keep]):
+        rows = np.flatnonzero((scene.frame == f) & keep)
+        nothing, none = np.zeros(count), np.zeros(15)
+        by_tangent = np.vstack([_derivative(lambda x, i=i: away(i, x, none), count).T for i in rows])
+        errors = [_derivative(lambda x, i=i: away(i, nothing, x), 15).T for i in rows]
+        tail = np.r_[body, body * scene.tracked]
+        shared = np.vstack([e[:, 3:] * tail for e in errors])
+        covariance = shared @ shared.T
+        at = 0
+        for e in errors:
+            own = e[:, :3] * sigma
+            covariance[at : at + len(e), at : at + len(e)] += own @ own.T
+            at += len(e)
+        information += by_tangent.T @ np.linalg.solve(covariance, by_tangent)
+    bound = np.linalg.pinv(information)
+    arms = image_points(scene.dimension) @ scene.truth[:3, :3].T
+    by = np.zeros((len(arms), 3, count))
+    for axis in range(3):
+        by[:, :, axis] = np.cross(np.eye(3)[axis], arms)
+    by[:, :, 3:6], by[:, :, 6] = np.eye(3), arms
+    return float(np.sqrt(np.einsum("nia,ab,nib->n", by, bound, by).mean())), bound
+
+
+def _derivative(of, count: int, step: float = 1e-5) -> Array:
+    return np.array([(of(move) - of(-move)) / (2 * step) for move in step * np.eye(count)])
