@@ -59,6 +59,8 @@ class Dataset:
             (self._address,) = unpacked("<Q", rest)
         else:
             self._rank, self._address = rest[0], unpacked("<Q", rest[1:])[0]
+            if self._rank == 0:
+                raise Damaged("its pieces have no size")
             *self.piece_shape, size = unpacked(f"<{self._rank}I", rest[9:])
             if (
                 not shape
