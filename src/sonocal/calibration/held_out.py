@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.calibration.mixed import mapped_of, target_distances
+from sonocal.calibration.mixed import target_distances, target_vectors
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.statistics import ErrorStatistics, rms_interval
 from sonocal.findings import Diagnostic
@@ -87,7 +87,7 @@ def _more_outliers(calibration: Calibration, within: NDArray[np.bool_]) -> bool:
 def independent_units(probe_from_image: AxisScaled, rows: Observations) -> NDArray[np.int64]:
     """The unit (N,) of each row: its frame, or a stretch of frames where neighbours repeat one another."""
     frame = group_codes(rows.split, rows.frame)
-    length = stretch_length(mapped_of(probe_from_image, rows).residuals, frame)
+    length = stretch_length(target_vectors(probe_from_image, rows), frame)
     return group_codes(rows.split, frame // length)
 
 

@@ -10,10 +10,11 @@ from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.mapped import Mapped, mapped_rows
+from sonocal.registration.noise import residual_vectors
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 
-__all__ = ["check_mixed", "mapped_of", "table_of", "target_distances"]
+__all__ = ["check_mixed", "mapped_of", "table_of", "target_distances", "target_vectors"]
 
 
 def table_of(observations: Observations) -> PointLineRows | TargetRows:
@@ -40,9 +41,16 @@ def mapped_of(probe_from_image: AxisScaled, rows: Observations) -> Mapped:
     return mapped_rows(probe_from_image, table_of(rows))
 
 
+def target_vectors(probe_from_image: AxisScaled, rows: Observations) -> Array:
+    """(N, 3), mm: from each point, line or plane to its mapped point; of any matrix, as others make them."""
+    if rows.lines_only:
+        return residual_vectors(probe_from_image, homogeneous_points(rows.points_px), rows.segments_mm)
+    return mapped_of(probe_from_image, rows).residuals
+
+
 def target_distances(probe_from_image: AxisScaled, rows: Observations) -> Array:
     """(N,), mm: of each mapped point from its point, line or plane."""
-    return mapped_of(probe_from_image, rows).distances
+    return np.asarray(np.linalg.norm(target_vectors(probe_from_image, rows), axis=1))
 
 
 def check_mixed(rows: Observations, options: Options) -> None:
