@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.pages import tell
 from benchmarks.simulators.mix_bound import corner_error, least_covariance
 from benchmarks.simulators.mixes import MM_PER_UNIT, SIDE, Mix, Noise, mix_of
-from benchmarks.trust import written
 from sonocal.registration import Registration, constraints, register
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
@@ -127,14 +127,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--write", type=Path, help="page whose table to replace")
     parser.add_argument("--exact", action="store_true", help="of scenes without noise, instead")
     asked = parser.parse_args(arguments)
-    lines = []
-    for line in (exact_table if asked.exact else table)(
-        range(asked.first_seed, asked.first_seed + asked.scenes)
-    ):
-        print(line, flush=True)
-        lines.append(("mix-statistics", line))
-    if asked.write and not asked.exact:
-        written(asked.write, lines)
+    found = (exact_table if asked.exact else table)(range(asked.first_seed, asked.first_seed + asked.scenes))
+    tell((("mix-statistics", line) for line in found), None if asked.exact else asked.write)
 
 
 if __name__ == "__main__":

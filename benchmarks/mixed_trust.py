@@ -14,10 +14,11 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+from benchmarks.pages import tell
 from benchmarks.simulators.mixed_judge import judged
 from benchmarks.simulators.mixed_scans import FAULTS, PHANTOMS, sound
 from benchmarks.simulators.trust_judge import Outcome
-from benchmarks.trust import accusers, codes_of, counted, middle_and_most, share, written
+from benchmarks.trust import accusers, codes_of, counted, middle_and_most, share
 
 SOUND = "sound"
 HEAD = (
@@ -74,12 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     every = [(mix, fault) for mix in PHANTOMS for fault in (SOUND, *FAULTS)]
     rows = [row for row in every if re.search(asked.rows, f"{row[0]}: {row[1]}")]
-    lines = []
-    for line in table(rows, range(asked.first_seed, asked.first_seed + asked.seeds), asked.jobs):
-        print(line, flush=True)
-        lines.append(("mixed", line))
-    if asked.write:
-        written(asked.write, lines)
+    found = table(rows, range(asked.first_seed, asked.first_seed + asked.seeds), asked.jobs)
+    tell((("mixed", line) for line in found), asked.write)
 
 
 if __name__ == "__main__":

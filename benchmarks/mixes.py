@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.mix_peers import Scene, ransac, refined, teaser_like
+from benchmarks.pages import tell
 from benchmarks.simulators.mixes import Array, Mix, mix_of, with_strangers
 from sonocal import _core
 from sonocal import registration as reg
@@ -25,7 +26,6 @@ THRESHOLD_MM = 2.0
 # The corners of the source, a cube 200 mm wide, this near to the truth (root mean square).
 RIGHT_MM = 1.0
 TIMED_SCENES = 5
-BEGIN, END = "<!-- mixes: begin -->", "<!-- mixes: end -->"
 Call = Callable[[], Array]
 
 
@@ -164,13 +164,6 @@ def reconstructions(scenes: int, peer_scenes: int) -> str:
     return "\n".join(out)
 
 
-def write(path: Path, table: str) -> None:
-    """Between the two marks."""
-    text = path.read_text(encoding="utf-8")
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
-    path.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
-
-
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -179,9 +172,7 @@ def main() -> None:
     parser.add_argument("--write", type=Path, help="into this page, between its marks")
     given = parser.parse_args()
     tables = points_on_lines(given.scenes) + "\n\n" + reconstructions(given.scenes, given.peer_scenes)
-    print(tables)
-    if given.write:
-        write(given.write, tables)
+    tell([("mixes", tables)], given.write)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import f as fisher
 
 import sonocal as sc
+from benchmarks.pages import tell
 from benchmarks.simulators.mixes import Mix, mix_of, planes_through, with_strangers
-from benchmarks.trust import written
 from sonocal.registration import Registration, constraints, register
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
@@ -112,12 +112,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--write", type=Path, help="page whose table to replace")
     asked = parser.parse_args(arguments)
-    lines = []
-    for line in table(range(asked.first_seed, asked.first_seed + asked.sets)):
-        print(line, flush=True)
-        lines.append(("register", line))
-    if asked.write:
-        written(asked.write, lines)
+    found = table(range(asked.first_seed, asked.first_seed + asked.sets))
+    tell((("register", line) for line in found), asked.write)
 
 
 if __name__ == "__main__":

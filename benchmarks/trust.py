@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.pages import tell
 from benchmarks.simulators.trust_faults import KINDS
 from benchmarks.simulators.trust_judge import HONEST, Outcome, judged
 from benchmarks.simulators.trust_power import deflection, shown
@@ -184,17 +185,6 @@ def tables(rows: Sequence[Row], seeds: range, jobs: int) -> Iterator[tuple[str, 
         yield "sound", f"\nAccused in all: {share_of}: {accusers(accused) or 'none'}."
 
 
-def written(page: Path, lines: Sequence[tuple[str, str]]) -> None:
-    """Replace the tables between a page's markers; those not measured stay."""
-    text = page.read_text()
-    for part in dict.fromkeys(part for part, _ in lines):
-        table = "\n".join(line for of, line in lines if of == part).strip()
-        begin, end = f"<!-- {part}: begin -->", f"<!-- {part}: end -->"
-        head, rest = text.split(begin)
-        text = f"{head}{begin}\n\n{table}\n\n{end}{rest.split(end)[1]}"
-    page.write_text(text)
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables, and write them into a page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -206,12 +196,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     rows = [row for row in all_rows() if re.search(asked.rows, f"{row[0]} {row[1]}")]
     seeds = range(asked.first_seed, asked.first_seed + asked.seeds)
-    lines = []
-    for line in tables(rows, seeds, asked.jobs):
-        print(line[1], flush=True)
-        lines.append(line)
-    if asked.write:
-        written(asked.write, lines)
+    tell(tables(rows, seeds, asked.jobs), asked.write)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.simulators.trust_scans import Array
+from benchmarks.simulators.trust_scans import Array, mapped
 
 SCALE, SIDE = 0.24, 500.0
 SIGHTINGS = 60
@@ -22,11 +22,6 @@ def truth_of(rng: np.random.Generator) -> Array:
     truth[:3, :3] = SCALE * Rotation.random(random_state=rng).as_matrix()
     truth[:3, 3] = rng.uniform(-80, 80, 3)
     return truth
-
-
-def mapped(truth: Array, points: Array) -> Array:
-    """Places (..., 3) of the image, mm."""
-    return points @ truth[:3, :3].T + truth[:3, 3]
 
 
 def seen(rng: np.random.Generator, points: int, dimension: int) -> Array:

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from benchmarks.simulators.degenerate_mixes import KINDS, SIDE, mapped, with_noise
+from benchmarks.simulators.degenerate_mixes import KINDS, SIDE, with_noise
+from benchmarks.simulators.trust_scans import mapped
 
 import sonocal as sc
 

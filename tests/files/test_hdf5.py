@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from sonocal import FormatError, InputError, UnsupportedError
 from sonocal.cli.formats import calibration_in, format_of
 from sonocal.files.hdf5 import Damaged, open_hdf5
+from sonocal.files.hdf5_bytes import Bytes
+from sonocal.files.hdf5_data import CHUNKED, Dataset
 from sonocal.recording.formats import read_recording
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed")
@@ -106,3 +108,11 @@ def test_what_a_file_of_hdf5_holds_says_what_it_is(tmp_path):
         read_recording(tmp_path / "matrix.h5")
     with pytest.raises(InputError, match=r"scan\.h5: is a recording; name the calibration"):
         calibration_in(tmp_path / "scan.h5")
+
+
+def test_pieces_without_a_rank_are_damaged(tmp_path):
+    path = tmp_path / "a.h5"
+    path.write_bytes(b"x")
+    layout = bytes([3, CHUNKED, 0]) + bytes(8)
+    with pytest.raises(Damaged, match="not of its shape"):
+        Dataset(Bytes(path), (4, 3), np.dtype("<f4"), layout, [])

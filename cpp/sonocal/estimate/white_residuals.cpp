@@ -118,10 +118,10 @@ WhiteResiduals whiten(const MixedTable& table, const bool* chosen, const Transfo
   while (blocks.next(block))
     for (int i = 0; i < block.count; ++i) {
       const int c = of_point[block.first_row[i]];
+      const Reaches reaches = reaches_of(rows.target(c));
       const double fm = rows.mm_factor(c);
       for (int k = 0; k < 2; ++k)
-        if (block.weight[k][i] > 0)
-          out.put(row_of(block, i, k), reaches_of(rows.target(c)), levels.px, levels.mm * fm * fm);
+        if (block.weight[k][i] > 0) out.put(row_of(block, i, k), reaches, levels.px, levels.mm * fm * fm);
     }
   return out.finished();
 }

@@ -98,23 +98,34 @@ def beside_unsure_places(noise: Noise, mapped: Mapped, fit: Fit) -> Noise:
 
 def _moved_apart(table: TargetRows, inlier: NDArray[np.bool_], one: int, other: int) -> bool:
     """Whether what spans two targets comes nearer to or further from one another, in frames in which both are seen."""
-    first, second = (_by_frame(table, inlier & (table.target == which)) for which in (one, other))
-    frames = sorted(first.keys() & second.keys())
-    if len(frames) < FEWEST_FRAMES:
+    both = _together(table, inlier, one, other)
+    if both is None:
         return False
-    a, b = (table.spanning_mm[[rows[frame] for frame in frames], 0] for rows in (first, second))
+    a, b = (spanning[:, 0] for spanning in both)
     return bool(np.ptp(np.linalg.norm(a - b, axis=1)) > KEPT_MM)
 
 
 def _kept_places(table: PointLineRows, inlier: NDArray[np.bool_], one: int, other: int) -> bool:
     """Whether two targets have the same angle and distance in all frames in which both are seen."""
+    both = _together(table, inlier, one, other)
+    if both is None:
+        return False
+    angle, distance = _between(*both)
+    return bool(np.ptp(angle) < KEPT_RAD and np.ptp(distance) < KEPT_MM)
+
+
+def _together(
+    table: PointLineRows | TargetRows, inlier: NDArray[np.bool_], one: int, other: int
+) -> tuple[Array, Array] | None:
+    """What spans two targets, (F, K, 3) each, in the frames in which both are seen; None where these are too few."""
     first, second = (_by_frame(table, inlier & (table.target == which)) for which in (one, other))
     frames = sorted(first.keys() & second.keys())
     if len(frames) < FEWEST_FRAMES:
-        return False
-    a, b = (table.segments_mm[[rows[frame] for frame in frames]] for rows in (first, second))
-    angle, distance = _between(a, b)
-    return bool(np.ptp(angle) < KEPT_RAD and np.ptp(distance) < KEPT_MM)
+        return None
+    return (
+        table.spanning_mm[[first[frame] for frame in frames]],
+        table.spanning_mm[[second[frame] for frame in frames]],
+    )
 
 
 def _by_frame(table: PointLineRows | TargetRows, chosen: NDArray[np.bool_]) -> dict[int, int]:

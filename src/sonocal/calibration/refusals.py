@@ -10,7 +10,6 @@ from sonocal.calibration.options import Options
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import DECISIVE, Diagnostic
 from sonocal.observations import Observations
-from sonocal.registration.constraints import rows_of_spanned
 from sonocal.registration.degeneracy import refuse_degenerate_lines
 from sonocal.registration.refusals import refuse_free
 from sonocal.registration.rows import PointLineRows
@@ -65,7 +64,7 @@ def leading_with(findings: tuple[Diagnostic, ...], refusal: str) -> str:
 def _is_degenerate(table: PointLineRows | TargetRows) -> bool:
     try:
         if isinstance(table, TargetRows):
-            refuse_free(rows_of_spanned(table.spanned))
+            refuse_free(table.constraints)
         else:
             refuse_degenerate_lines(table)
     except DegenerateGeometryError:

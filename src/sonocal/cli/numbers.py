@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.validation import Comparison, Validation
 
-__all__ = ["comparison_of", "numbers_of", "numbers_record", "print_numbers", "with_comparison"]
+__all__ = ["numbers_of", "numbers_record", "print_numbers", "with_comparison"]
 
 
 def with_comparison(numbers: Validation, found: Calibration, comparison: Comparison) -> Validation:
@@ -30,13 +30,6 @@ def numbers_of(calibration: Calibration, measured: Measured, options: dict[str, 
     if measured.points is not None:
         return validate_points(calibration, measured.points)
     return validate(calibration, measured.sightings, nwires=measured.nwires, **options)
-
-
-def comparison_of(first: Calibration, second: Calibration) -> Comparison:
-    """Of two calibrations of ours."""
-    from sonocal.validation import compare
-
-    return compare(first, second)
 
 
 def print_numbers(

@@ -11,7 +11,6 @@ from sonocal.cli.existing import choice_of, of_other_software, refuse_choice, va
 from sonocal.cli.help import DETECTING, READING, SET_UP, command
 from sonocal.cli.measured import OF_RECORDINGS, Measured, read_measured
 from sonocal.cli.numbers import (
-    comparison_of,
     numbers_of,
     numbers_record,
     print_numbers,
@@ -194,10 +193,11 @@ def _validate_ours(
     from sonocal.cli.screen.existing import difference_section
     from sonocal.files import write_into_folder
     from sonocal.findings import begun
+    from sonocal.validation import compare
 
     other = others.compared
     numbers, beside, misread = with_others(numbers_of(found, measured, options), found, others)
-    comparison = comparison_of(found, other) if isinstance(other, Calibration) else None
+    comparison = compare(found, other) if isinstance(other, Calibration) else None
     if comparison is not None:
         numbers = with_comparison(numbers, found, comparison)
     title = f"{begun(called(other, name))}, against this one"

@@ -59,13 +59,12 @@ class Dataset:
             (self._address,) = unpacked("<Q", rest)
         else:
             self._rank, self._address = rest[0], unpacked("<Q", rest[1:])[0]
-            if self._rank == 0:
-                raise Damaged("its pieces have no size")
-            *self.piece_shape, size = unpacked(f"<{self._rank}I", rest[9:])
+            sizes = unpacked(f"<{self._rank}I", rest[9:])
+            self.piece_shape = list(sizes[:-1])
             if (
                 not shape
                 or len(self.piece_shape) != len(shape)
-                or size != dtype.itemsize
+                or sizes[-1] != dtype.itemsize
                 or 0 in self.piece_shape
             ):
                 raise Damaged("its pieces are not of its shape")

@@ -96,8 +96,7 @@ def _whitened(
     if isinstance(table, TargetRows):
         mapped, every = MappedTargets(transform, table), np.ones(len(table), dtype=bool)
         columns = np.concatenate([_columns(table.points, transform), mapped.residuals[:, :, None]], axis=2)
-        levels = (fit.sigma_px, fit.sigma_mm) if fit.weighting == "likelihood" else (0.0, 0.0)
-        white = whitened_targets(mapped, every, columns, levels)
+        white = whitened_targets(mapped, every, columns, fit.levels)
         return white.values[:, :-1], white.values[:, -1], white.row
     assert table.sightings is not None
     order = np.argsort(table.sightings, kind="stable")

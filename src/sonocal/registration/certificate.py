@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import Similarity
-from sonocal.registration.constraints import Rows, rows_of_spanned
+from sonocal.registration.constraints import Rows
 from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows, to_core
@@ -77,9 +77,8 @@ def _certificate_of_targets(table: TargetRows, fit: Fit, at: _core.Transform) ->
     if fit.weighting == "likelihood":
         levels = fit.options.to_core(fit.sigma_px, fit.sigma_mm)
         return cast(Certificate, _core.certificate(table.core, marks, at, levels, scale=0.0))
-    rows = rows_of_spanned(table.spanned)
-    options = fit.options.to_core(0, 0)
-    return cast(Certificate, _core.certificate(rows.core, marks, at, options, scale=0.0, weights=None))
+    rows, options = table.constraints.core, fit.options.to_core(0, 0)
+    return cast(Certificate, _core.certificate(rows, marks, at, options, scale=0.0, weights=None))
 
 
 def certificate_of_mix(

@@ -60,6 +60,11 @@ class Fit:
         return replace(self.options, sigma_px=self.sigma_px or None, sigma_mm=self.sigma_mm or None)
 
     @property
+    def levels(self) -> tuple[float, float]:
+        """Noise of a point, px, and of what spans its target, mm, that rows are weighed by; 0 where all weigh alike."""
+        return (self.sigma_px, self.sigma_mm) if self.weighting == "likelihood" else (0.0, 0.0)
+
+    @property
     def least_covariance(self) -> Array:
         """(k, k), of the tangent, if rows shared no error."""
         if self.weighting == "likelihood":

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.geometry import AxisScaled
-from sonocal.registration.constraints import rows_of_spanned
 from sonocal.registration.fit import Fit, transform_of
 from sonocal.registration.mapped import MappedTargets
 from sonocal.registration.options import Options
@@ -33,7 +32,7 @@ def fit_targets(rows: TargetRows, options: Options) -> Fit:
         InputError, DegenerateGeometryError, NoConsensusError: as `register`.
     """
     found = register(
-        rows_of_spanned(rows.spanned),
+        rows.constraints,
         weighting=options.weighting,
         threshold_mm=options.threshold_mm,
         sigma_px=rows.level_px(options.sigma_px) or None,

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError
 from sonocal.geometry import Array, segment_directions
-from sonocal.registration.constraints import rows_of_spanned
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 
@@ -73,7 +72,7 @@ def _of_lines(rows: PointLineRows, chosen: NDArray[np.bool_]) -> list[NearDegene
 
 def _of_mix(rows: TargetRows) -> list[NearDegeneracy]:
     """Of the planes that points are held by: three that meet in a point, two in a line, one."""
-    held = rows_of_spanned(rows.spanned).planes
+    held = rows.constraints.planes
     normals, offsets = held[:, :3], held[:, 3]
     least = float(np.sqrt(max(np.linalg.eigvalsh(normals.T @ normals / len(normals))[0], 0.0)))
     meeting = np.linalg.lstsq(normals, -offsets, rcond=1e-6)[0]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sonocal import _core
 from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.registration.constraints import Rows, rows_of_spanned
 from sonocal.registration.rows import noise_level
 from sonocal.registration.spanned import SpannedRows
 
@@ -67,6 +68,11 @@ class TargetRows:
             None if self.sigma_mm is None else np.ascontiguousarray(self.sigma_mm[one]),
             None if self.sigma_px is None else np.ascontiguousarray(self.sigma_px[self.order]),
         )
+
+    @cached_property
+    def constraints(self) -> Rows:
+        """The same as points in planes, which say what holds a motion."""
+        return rows_of_spanned(self.spanned)
 
     @cached_property
     def core(self) -> _core.Table:

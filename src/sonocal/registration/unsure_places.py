@@ -40,8 +40,7 @@ def unsure_places(mapped: MappedTargets, fit: Fit) -> Array:
     columns = np.concatenate(
         [point_jacobian(fit.transform, table.points, k), -places, mapped.residuals[:, :, None]], axis=2
     )
-    levels = (fit.sigma_px, fit.sigma_mm) if fit.weighting == "likelihood" else (0.0, 0.0)
-    white = whitened_targets(mapped, fit.inlier, columns, levels).values
+    white = whitened_targets(mapped, fit.inlier, columns, fit.levels).values
     size = np.maximum(np.linalg.norm(white[:, :k], axis=0), np.finfo(float).tiny)
     design, moved, residual = white[:, :k] / size, white[:, k:-1], white[:, -1]
     basis = np.linalg.svd(design, full_matrices=False)[0]

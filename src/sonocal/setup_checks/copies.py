@@ -87,19 +87,14 @@ def _sightings(evidence: Evidence) -> NDArray[np.int64]:
     return np.arange(len(evidence.table)) if sightings is None else sightings.astype(np.int64)
 
 
-def _across(evidence: Evidence, rows: NDArray[np.int64], moved: Array) -> Array:
-    """(M, 3, k): of what moves points, the part across their lines."""
-    return evidence.mapped.across(rows, moved)
-
-
 def _by_shift(evidence: Evidence, rows: NDArray[np.int64]) -> Array:
     axes = evidence.transform.rotation[:, : evidence.table.dimension]
-    return _across(evidence, rows, np.broadcast_to(axes, (len(rows), *axes.shape)))
+    return evidence.mapped.across(rows, np.broadcast_to(axes, (len(rows), *axes.shape)))
 
 
 def _motions(evidence: Evidence, rows: NDArray[np.int64]) -> Array:
     moved = point_jacobian(evidence.transform, evidence.table.points[rows], evidence.parameters)
-    return _across(evidence, rows, moved)
+    return evidence.mapped.across(rows, moved)
 
 
 def _mixed(evidence: Evidence, rows: NDArray[np.int64], others: NDArray[np.int64]) -> bool:

@@ -153,9 +153,8 @@ class _Sums:
         assert shifted.table.frame is not None
         frame = np.unique(shifted.table.frame[chosen], return_inverse=True)[1].reshape(-1)
         place = (frame + 0.5) / (frame.max() + 1) - 0.5
-        share = (mapped.along_mm[chosen] / mapped.lengths_mm[chosen])[:, None]
-        ends = shifted.moved.velocities[chosen]
-        velocity = ends[:, 0] + share * (ends[:, 1] - ends[:, 0])
+        shares = mapped.shares[chosen]
+        velocity = np.einsum("nk,nki->ni", shares, shifted.moved.velocities[chosen])
         columns = np.concatenate(
             [
                 -point_jacobian(fit.transform, shifted.table.points[chosen], k),
@@ -166,18 +165,14 @@ class _Sums:
             ],
             axis=2,
         )
-        levels = (fit.sigma_px, fit.sigma_mm) if fit.weighting == "likelihood" else (0.0, 0.0)
-        white = whitened(mapped, chosen, columns, levels)
+        white = whitened(mapped, chosen, columns, fit.levels)
         axes = white[:, :, k + 2 : k + 5]
         white = np.delete(white, np.s_[k + 2 : k + 5], axis=2)
-        ends_noise = shifted.moved.unrest[chosen] * ((1.0 - share) ** 2 + share**2)[:, 0]
+        ends_noise = shifted.moved.unrest[chosen] * np.sum(shares**2, axis=1)
         noise = ends_noise * np.einsum("nij,nij->n", axes, axes)
         form = np.stack([np.ones(len(place)), place, np.zeros(len(place))], axis=1)
         stretch = np.eye(STRETCHES)[frame * STRETCHES // (frame.max() + 1)]
-        across = (
-            velocity
-            - mapped.directions[chosen] * np.einsum("ni,ni->n", velocity, mapped.directions[chosen])[:, None]
-        )
+        across = mapped.across(chosen, velocity[:, :, None])[:, :, 0]
         return cls(
             np.einsum("ng,nai,naj->gij", stretch, white, white, optimize=True),
             np.einsum("ng,n,ni,nj->gij", stretch, noise, form, form, optimize=True),

@@ -65,7 +65,7 @@ def check_mirrored(refused: Refused) -> Iterator[Diagnostic]:
     table = refused.table
     if table.dimension != 3 or nearly_degenerate(table) is not None:
         return
-    fit = quick_fit(refused.table.mirrored(), refused.threshold_mm)
+    fit = quick_fit(table.mirrored(), refused.threshold_mm)
     if fit is not None and np.mean(fit.inlier) > GOOD_SHARE:
         yield mirrored_finding(int(np.count_nonzero(fit.inlier)), len(fit.inlier))
 
