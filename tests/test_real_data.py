@@ -32,6 +32,18 @@ def test_fcal12_is_said_to_have_unequal_pixels(data_folder):
     wider = calibrated(data_folder, "fcal12_ascension", model="anisotropic")
     assert wider.probe_from_image.scales[:2] == pytest.approx([0.0782, 0.0736], abs=6e-4)
     assert wider.test.rms_mm < found.test.rms_mm
+    assert wider.test.rms_mm <= 0.755
+    assert found.models[0].contradicts
+    assert wider.models[0].contradicts
+
+
+def test_fcal12_by_two_scales_and_equal_weights_is_within_three_quarters_of_a_millimetre(data_folder):
+    one, two = (
+        calibrated(data_folder, "fcal12_ascension", model=model, weighting="geometric")
+        for model in ("similarity", "anisotropic")
+    )
+    assert two.test.rms_mm <= 0.75 < one.test.rms_mm  # PLUS's own matrix: 0.808
+    assert two.models[0].contradicts
 
 
 def test_trus_is_not_presented_as_sound(data_folder):

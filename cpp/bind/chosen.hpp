@@ -39,7 +39,9 @@ inline void check_scale(double scale) {
   require(scale >= 0 && scale < kMostScale, "scale is not a number from 0 on");
 }
 
-inline void check_model(int dimension, const sonocal::Options& options) {
-  require(dimension == 2 || options.model == sonocal::Model::kSimilarity,
-          "the anisotropic model is of 2D images");
+// The options for a table: a scale of its own along every axis is three scales in a volume.
+inline sonocal::Options options_for(int dimension, sonocal::Options options) {
+  if (dimension == 3 && options.model == sonocal::Model::kAnisotropic)
+    options.model = sonocal::Model::kVoxels;
+  return options;
 }

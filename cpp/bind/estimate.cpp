@@ -28,6 +28,7 @@ constexpr double kRotationTolerance = 1e-6;
 Model model_named(const std::string& name) {
   if (name == "similarity") return Model::kSimilarity;
   if (name == "anisotropic") return Model::kAnisotropic;
+  if (name == "rigid") return Model::kScaleKnown;
   refuse("no such model: " + name);
 }
 
@@ -39,7 +40,9 @@ Weighting weighting_named(const std::string& name) {
 
 Options options_of(const std::string& model, const std::string& weighting, double threshold, double level_px,
                    double level_mm, double confidence, int max_samples, int exhaustive_samples,
-                   std::uint64_t seed) {
+                   std::uint64_t seed, double scale) {
+  check_scale(scale);
+  require((scale > 0) == (model == "rigid"), "the rigid model, and no other, has a known scale");
   require(threshold >= 0, "threshold is not a number from 0 on");
   require(usable(level_px) && level_px >= 0 && usable(level_mm) && level_mm >= 0,
           "a noise level is not a number from 0 on");
@@ -51,7 +54,8 @@ Options options_of(const std::string& model, const std::string& weighting, doubl
           weighting_named(weighting),
           threshold,
           {level_px, level_mm},
-          {confidence, max_samples, exhaustive_samples, seed}};
+          {confidence, max_samples, exhaustive_samples, seed},
+          scale};
 }
 
 using Rotation = In<double, nb::shape<3, 3>>;
@@ -116,9 +120,9 @@ PyEstimate to_python(const Estimate& e) {
   return result;
 }
 
-PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
+PyEstimate py_estimate(const BoundTable& bound, const Options& asked) {
   const Table table = bound.lines();
-  check_model(table.dimension, options);
+  const Options options = options_for(table.dimension, asked);
   Estimate result;
   bool plain = false;
   {
@@ -133,9 +137,9 @@ PyEstimate py_estimate(const BoundTable& bound, const Options& options) {
 }
 
 PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transform& start,
-                     const Options& options) {
+                     const Options& asked) {
   const Table table = bound.lines();
-  check_model(table.dimension, options);
+  const Options options = options_for(table.dimension, asked);
   const bool* rows = checked_rows(chosen, table);
   Estimate result;
   {
@@ -146,13 +150,13 @@ PyEstimate py_refine(const BoundTable& bound, const Chosen& chosen, const Transf
 }
 
 PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, const Transform& at,
-                              const Options& options) {
-  WhiteResiduals white = white_of(bound, chosen, at, options);
+                              const Options& asked) {
+  WhiteResiduals white = white_of(bound, chosen, at, asked);
   PyEstimate result;
   result.found = result.converged = true;
   result.inliers = static_cast<int>(white.residual.size() / 2);
-  result.level_px = options.levels.px;
-  result.level_mm = options.levels.mm;
+  result.level_px = asked.levels.px;
+  result.level_mm = asked.levels.mm;
   put(at, result);
   result.jacobian = to_numpy(white.jacobian);
   result.shift = to_numpy(white.shift);
@@ -164,16 +168,15 @@ PyEstimate py_white_residuals(const BoundTable& bound, const Chosen& chosen, con
 }
 
 PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& options, bool refine,
-                                       double scale, const std::optional<Residuals>& weights) {
+                                       const std::optional<Residuals>& weights) {
   const Correspondences all = bound.planes();
-  check_scale(scale);
   const double* factors = checked_weights(weights, all.count);
   CorrespondenceEstimate e;
   {
     nb::gil_scoped_release unlocked;
     ConsensusOptions consensus = options.consensus;
     consensus.exhaustive_samples = 0;
-    e = estimate(all, {options.threshold_mm, refine, scale, factors, consensus});
+    e = estimate(all, {options.threshold_mm, refine, options.scale, factors, consensus});
   }
   PyEstimate result;
   result.found = e.found;
@@ -188,16 +191,13 @@ PyEstimate py_estimate_correspondences(const BoundTable& bound, const Options& o
   return result;
 }
 
-PyEstimate py_maximise(const BoundTable& bound, const Transform& start, const Options& options,
-                       bool scale_known) {
+PyEstimate py_maximise(const BoundTable& bound, const Transform& start, const Options& asked) {
   const MixedTable table = bound.targets();
-  check_model(table.dimension, options);
-  require(options.model == Model::kSimilarity || !scale_known, "one scale that is known is a similarity's");
-  const Model model = scale_known ? Model::kScaleKnown : options.model;
+  const Options options = options_for(table.dimension, asked);
   MixedEstimate e;
   {
     nb::gil_scoped_release unlocked;
-    e = maximise_mixed(table, start, model, options.levels, options.threshold_mm);
+    e = maximise_mixed(table, start, options.model, options.levels, options.threshold_mm);
   }
   PyEstimate result;
   result.found = e.inliers > 0;
@@ -247,12 +247,12 @@ void bind_estimate(nb::module_& m) {
           "__init__",
           [](Options* self, const std::string& model, const std::string& weighting, double threshold,
              double level_px, double level_mm, double confidence, int max_samples, int exhaustive_samples,
-             std::uint64_t seed) {
+             std::uint64_t seed, double scale) {
             new (self) Options(options_of(model, weighting, threshold, level_px, level_mm, confidence,
-                                          max_samples, exhaustive_samples, seed));
+                                          max_samples, exhaustive_samples, seed, scale));
           },
           nb::kw_only(), "model"_a, "weighting"_a, "threshold"_a, "level_px"_a, "level_mm"_a, "confidence"_a,
-          "max_samples"_a, "exhaustive_samples"_a, "seed"_a);
+          "max_samples"_a, "exhaustive_samples"_a, "seed"_a, "scale"_a = 0.0);
   nb::class_<Transform>(m, "Transform")
       .def(
           "__init__",
@@ -287,8 +287,8 @@ void bind_estimate(nb::module_& m) {
   m.def("refine", &py_refine, "table"_a, "chosen"_a.noconvert(), "start"_a, "options"_a);
   m.def("white_residuals", &py_white_residuals, "table"_a, "chosen"_a.noconvert(), "at"_a, "options"_a);
   m.def("estimate_correspondences", &py_estimate_correspondences, "table"_a, "options"_a, nb::kw_only(),
-        "refine"_a = true, "scale"_a = 0.0, "weights"_a.noconvert() = nb::none());
-  m.def("maximise", &py_maximise, "table"_a, "start"_a, "options"_a, nb::kw_only(), "scale_known"_a = false);
+        "refine"_a = true, "weights"_a.noconvert() = nb::none());
+  m.def("maximise", &py_maximise, "table"_a, "start"_a, "options"_a);
   nb::class_<Agreement>(m, "Agreement")
       .def_ro("agreeing", &Agreement::agreeing)
       .def_ro("by_chance", &Agreement::by_chance)

@@ -82,10 +82,10 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
   return out;
 }
 
-NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at,
-                     const Options& options, const std::optional<Covariance>& covariance,
-                     const std::vector<Codes>& groupings, const std::optional<Times>& time, bool known_px,
-                     bool known_mm) {
+NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at, const Options& asked,
+                     const std::optional<Covariance>& covariance, const std::vector<Codes>& groupings,
+                     const std::optional<Times>& time, bool known_px, bool known_mm) {
+  const Options options = options_for(bound.dimension(), asked);
   const std::vector<const std::int32_t*> codes = checked_codes(groupings, bound.rows());
   const double* times = time ? checked_times(*time, bound.rows()) : nullptr;
   TangentMatrix of_tangent = covariance ? tangent_matrix(*covariance, options) : TangentMatrix();

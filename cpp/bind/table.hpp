@@ -31,6 +31,7 @@ class BoundTable {
                                Factors noise_mm, Codes targets, int dimension);
 
   int rows() const { return rows_; }
+  int dimension() const { return dimension_; }
   bool of_points_and_lines() const { return kind_ == Kind::kLines; }
   bool of_points_and_targets() const { return kind_ == Kind::kTargets; }
   // Which target each point is of, from 0 on; null where nobody said so.

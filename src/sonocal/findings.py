@@ -41,6 +41,9 @@ CODES = {
     "needle-in-image-plane": "needles lie in the image",
     "anisotropic-scale": "mm/px differ along the image's axes",
     "anisotropic-scale-far-off": "with mm/px of its own along every axis the answer is another one",
+    "known-scale-disagrees": "the rows contradict the scale that was given",
+    "known-scale-far-off": "with the rows' own scale the answer is another one",
+    "known-scale-unchecked": "the rows cannot check the scale that was given",
     "image-distortion": "residuals are not alike all over the image",
     "sound-speed": "what the speed of sound does to a curved probe's image",
     "sound-speed-doubtful": "the speed of sound is not what it is said or found to be",
@@ -152,6 +155,7 @@ REFUSALS = {
 # Codes of findings that explain others: many rows left out, a weak motion, a drift. They are read first.
 DECISIVE = {
     "implausible-units",
+    "known-scale-disagrees",
     "latency",
     "latency-beyond-tolerance",
     "wrong-poses",
@@ -174,6 +178,8 @@ CAUSES = {
     "threshold-below-noise",
     "anisotropic-scale",
     "anisotropic-scale-far-off",
+    "known-scale-disagrees",
+    "known-scale-far-off",
     "other-depth-setting",
     "unexpected-orientation",
     "scale-differs-from-scanner",
@@ -192,7 +198,17 @@ CONSEQUENCES = {
 }
 
 # What a code explains is not said beside it: first echoes part the needles in those that lean one way and the other.
-EXPLAINED = {"slice-thickness": {"two-markers"}}
+# A scale that is wrong leaves the rows far from their lines, wherever these are and whenever they were.
+EXPLAINED = {
+    "slice-thickness": {"two-markers"},
+    "known-scale-disagrees": {
+        "wrong-tool-frame",
+        "wrong-poses",
+        "marker-slipped",
+        "two-markers",
+        "left-out-rows-agree",
+    },
+}
 
 # Codes of reasons of a verdict that are no findings.
 REASONS = {

@@ -77,22 +77,22 @@ def targets(h: Hostile) -> Any:
 
 def maximise(h: Hostile) -> Any:
     table = h.lines()[0] if h.spoils() else targets(h)
-    return h.core.maximise(table, h.transform(), h.options(), scale_known=h.pick([True, False]))
+    return h.core.maximise(table, h.transform(), h.options(h.model()))
 
 
 def certificate(h: Hostile) -> Any:
-    weights, scale = h.pick([None, h.array(np.full(h.pick([5, 20]), 0.5))]), h.number(h.pick([0.0, 0.24]))
+    weights = h.pick([None, h.array(np.full(h.pick([5, 20]), 0.5))])
     if h.pick([True, False]):
         table, rows, model = h.lines()
         about = h.chosen(rows), h.transform(), h.options(model)
-        return h.core.certificate(table, *about, scale=scale, weights=weights)
-    about = h.chosen(h.pick([1, 2, 3, 4, 5, 12])), h.transform(), h.options()
-    return h.core.certificate(h.pick([h.planes, lambda: targets(h)])(), *about, scale=scale, weights=weights)
+        return h.core.certificate(table, *about, weights=weights)
+    about = h.chosen(h.pick([1, 2, 3, 4, 5, 12])), h.transform(), h.options(h.model())
+    return h.core.certificate(h.pick([h.planes, lambda: targets(h)])(), *about, weights=weights)
 
 
 def noise_sums(h: Hostile) -> Any:
     table, rows, model = h.lines()
-    side = (8 if model == "anisotropic" else 7) + h.spoils()
+    side = h.unknowns + h.spoils()
     root = h.random.normal(size=(side, side)) * 1e-2
     groups = [h.codes(rows, most) for most in (1, 3, rows)][: h.pick([0, 1, 3])]
     about = h.transform(), h.options(model), h.array(root @ root.T), groups
@@ -190,9 +190,8 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "certificate": certificate,
     "estimate_correspondences": lambda h: h.core.estimate_correspondences(
         (h.lines()[0] if h.spoils() else h.planes()),
-        h.options(),
+        h.options(h.model()),
         refine=h.pick([True, False]),
-        scale=h.number(h.pick([0.0, 0.24])),
         weights=h.pick([None, h.array(np.full(h.pick([5, 20]), 0.5))]),
     ),
     "maximise": maximise,

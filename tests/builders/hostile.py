@@ -19,6 +19,7 @@ class Hostile:
 
     def __init__(self, core: ModuleType, random: np.random.Generator) -> None:
         self.core, self.random = core, random
+        self.unknowns = 7  # of the model that goes with the last table
         # Some calls are spoilt in many places, some in none.
         self.malice = random.choice([0.0, 0.02, 0.1, 0.4])
 
@@ -115,9 +116,10 @@ class Hostile:
         return self.pick([None, self.array(self.random.uniform(0.5, 2, rows))])
 
     def lines(self) -> tuple[Any, int, str]:
-        """A table, how many rows it has and a model that goes with it."""
+        """A table, how many rows it has and a model."""
         dimension, rows = self.pick([2, 3]), self.rows()
-        model = self.pick(["similarity", "anisotropic"]) if dimension == 2 else "similarity"
+        model = self.model()
+        self.unknowns = 6 + {"similarity": 1, "rigid": 0, "anisotropic": dimension}[model]
         points, segments = self.scene(rows, dimension)
         table = self.core.Table.of_lines(
             self.array(points),
@@ -139,9 +141,13 @@ class Hostile:
         first = np.unique([0, *self.random.integers(0, rows, 4), rows])
         return self.core.Table.of_planes(self.array(points), self.array(planes), self.array(first, np.int32))
 
+    def model(self) -> str:
+        return str(self.pick(["similarity", "anisotropic", "rigid"]))
+
     def options(self, model: str = "similarity") -> Any:
         return self.core.Options(
             model=self.pick(["rigid", "anisotropic", "", None]) if self.spoils() else model,
+            scale=self.number(self.pick([0.24, 1e-9, 1e9]) if model == "rigid" else 0.0),
             weighting="" if self.spoils() else self.pick(["likelihood", "geometric"]),
             threshold=self.number(self.pick([5.0, 0.0, 1e-3, np.inf])),
             level_px=self.number(self.pick([0.0, 1.0, 1e-9])),

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 import sonocal as sc
 from sonocal.calibration.fit import fit_rows
 from sonocal.calibration.options import Options
-from sonocal.registration.axis_scales import axis_scales
 from sonocal.validation import give_verdict
 
 CODE = "anisotropic-scale"
@@ -69,13 +68,13 @@ def test_wires_that_are_off_are_no_stretch():
 @pytest.mark.parametrize("seed", range(5))
 def test_the_scales_are_those_of_the_voxels_wherever_the_marker_is(seed):
     rows = rows_of(seed, 3, 100, (1.0, 0.97, 1.05))
-    table, fit, _ = fit_rows(rows, Options())
-    found = axis_scales(table, fit, {})
-    np.testing.assert_allclose(found.scales, 0.24 * np.array([1.0, 0.97, 1.05]), rtol=0.015)
+    found = fit_rows(rows, Options(model="anisotropic")).fit.transform.scales
+    np.testing.assert_allclose(found, 0.24 * np.array([1.0, 0.97, 1.05]), rtol=0.015)
     moved = sc.Similarity(Rotation.random(random_state=seed).as_matrix(), np.array([50.0, -20.0, 9.0]), 1.0)
     other = dataclasses.replace(rows, segments_mm=moved @ rows.segments_mm)
-    table, fit, _ = fit_rows(other, Options())
-    np.testing.assert_allclose(axis_scales(table, fit, {}).scales, found.scales, rtol=1e-3)
+    np.testing.assert_allclose(
+        fit_rows(other, Options(model="anisotropic")).fit.transform.scales, found, rtol=1e-4
+    )
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

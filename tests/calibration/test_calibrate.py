@@ -67,7 +67,7 @@ def test_predict_gives_places_and_symmetric_covariances(calibration):
 
 
 OPTION_REFUSALS = [
-    ({"model": "affine"}, "model must be one of similarity, anisotropic; got 'affine'"),
+    ({"model": "affine"}, "model must be one of similarity, anisotropic, rigid; got 'affine'"),
     ({"threshold_mm": 0}, "threshold_mm must be a positive number; got 0"),
     ({"threshold_mm": float("nan")}, "threshold_mm must be a positive number; got nan"),
     ({"tolerance_mm": -1}, "tolerance_mm must be a positive number; got -1"),
@@ -116,14 +116,6 @@ def test_3d_rows_that_make_no_lines_are_refused():
     assert str(caught.value) == (
         "simulation (seed 0): fewer than two sightings have two points; a 3D probe sees a needle as a line, so give "
         "two or more rows with one frame and target, or leave out w_px for a 2D probe"
-    )
-
-
-def test_the_anisotropic_model_of_a_3d_probe_is_unsupported():
-    with pytest.raises(sc.UnsupportedError) as caught:
-        sc.calibrate(simulate_observations(3, 6).observations, model="anisotropic")
-    assert str(caught.value) == (
-        "the anisotropic model is for 2D probes; calibrate a 3D probe with the similarity model"
     )
 
 
@@ -242,7 +234,7 @@ def test_the_file_has_the_documented_fields(rows, model):
         "format", "version", "created", "conventions", "probe_from_image", "model", "scale_mm_per_px", "rotation_wxyz",
         "translation_mm", "covariance", "sigma", "area_px", "image_size_px",
         "seen_px", "fit", "test", "residuals_mm", "inlier", "latency_s",
-        "latency_interval_s", "sound", "certificate", "diagnostics", "provenance",
+        "latency_interval_s", "sound", "certificate", "models", "diagnostics", "provenance",
     ]  # fmt: skip
     assert fields["format"] == "sonocal-calibration"
     assert len(fields["scale_mm_per_px"]) == (1 if model == "similarity" else 2)

@@ -59,7 +59,7 @@ def parallel():
     ("rows", "options", "kind"),
     [
         (simulate_observations(2, 3).observations, {}, sc.InputError),
-        (simulate_observations(3, 6).observations, {"model": "anisotropic"}, sc.UnsupportedError),
+        (simulate_observations(3, 6).observations, {"model": "rigid"}, sc.InputError),
         (parallel(), {}, sc.DegenerateGeometryError),
     ],
 )

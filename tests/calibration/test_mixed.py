@@ -1,5 +1,7 @@
 """Calibration from points, lines and planes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -111,10 +113,24 @@ def test_parallel_planes_leave_a_motion_free():
         sc.calibrate(sc.Observations.of_targets(points, spanning, target=names))
 
 
-@pytest.mark.parametrize("options", [{"model": "anisotropic"}, {"threshold_mm": "auto"}])
-def test_what_points_and_planes_cannot_have_is_refused(options):
+def test_points_and_planes_have_no_threshold_from_the_noise():
     with pytest.raises(UnsupportedError, match="holds points or planes"):
-        sc.calibrate(mixed_table(1)[1], **options)
+        sc.calibrate(mixed_table(1)[1], threshold_mm="auto")
+
+
+@given(seed=st.integers(0, 10**6), flat=st.booleans())
+@settings(max_examples=12)
+def test_scales_along_the_axes_are_those_that_the_image_was_stretched_by(seed, flat):
+    truth, table = mixed_table(seed, flat=flat)
+    stretch = np.array([1.0, 1.1, 0.95])[: table.dimension]
+    found = sc.calibrate(replace(table, points_px=table.points_px * stretch), model="anisotropic")
+    scales = found.scales_mm_per_px
+    assert scales.shape == (table.dimension,)
+    off = np.log(scales * stretch / truth.scale) / np.sqrt(np.diag(found.covariance)[6:])
+    assert np.abs(off).max() < 5.5
+    one = sc.calibrate(table)
+    assert found.noise.row_mm < 1.5 * one.noise.row_mm
+    assert found.models[0].contradicts or found.models[0].apart_95 > 0.03
 
 
 def test_what_is_said_of_lines_alone_says_so():

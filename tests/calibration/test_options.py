@@ -87,7 +87,7 @@ def test_a_misspelt_option_is_refused_before_the_table_is_looked_at():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"model": "affine"}, "model must be one of similarity, anisotropic; got 'affine'"),
+        ({"model": "affine"}, "model must be one of similarity, anisotropic, rigid; got 'affine'"),
         ({"weighting": "none"}, "weighting must be one of likelihood, geometric; got 'none'"),
         ({"fit_split": 3}, "fit_split must be the name of a split; got 3"),
         ({"test_split": b"a"}, "test_split must be the name of a split; got b'a'"),

@@ -109,7 +109,11 @@ def test_groups_of_rows_cover_them_all_once_and_in_order(first, sentence):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"model": "rigid"}, "no such model: rigid"),
+        ({"model": "affine"}, "no such model: affine"),
+        ({"model": "rigid"}, "the rigid model, and no other, has a known scale"),
+        ({"scale": 0.24}, "the rigid model, and no other, has a known scale"),
+        ({"model": "rigid", "scale": -0.24}, "scale is not a number from 0 on"),
+        ({"model": "rigid", "scale": np.nan}, "scale is not a number from 0 on"),
         ({"weighting": ""}, "no such weighting: "),
         ({"threshold": -1.0}, "threshold is not"),
         ({"threshold": np.nan}, "threshold is not"),
@@ -162,8 +166,17 @@ def test_each_call_takes_its_own_kind_of_table():
         _core.estimate(planes, options())
     with pytest.raises(ValueError, match="of points and lines, and this takes points and planes"):
         _core.estimate_correspondences(lines(), options())
-    with pytest.raises(ValueError, match="the anisotropic model is of 2D images"):
-        _core.estimate(lines(3, sightings=SIGHTINGS), options(model="anisotropic"))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("model", ["rigid", "similarity", "anisotropic"])
+def test_a_covariance_has_a_row_for_every_unknown(dimension, model):
+    of_sightings = {"sightings": SIGHTINGS} if dimension == 3 else {}
+    scale = {"scale": 1.0} if model == "rigid" else {}
+    found = _core.refine(lines(dimension, **of_sightings), ALL, transform(), options(model=model, **scale))
+    unknowns = 6 + {"rigid": 0, "similarity": 1, "anisotropic": dimension}[model]
+    assert found.covariance.shape == (unknowns, unknowns)
+    assert model != "rigid" or (found.scales == 1.0).all()
 
 
 @pytest.mark.parametrize(

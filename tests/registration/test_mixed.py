@@ -130,7 +130,7 @@ def test_without_noise_it_is_exact_and_sure(seed, mix):
 @settings(max_examples=10)
 def test_a_scale_that_is_known_stays_and_leaves_the_rest_surer(seed):
     truth, rows = scene(["point on line", "line on plane"], 10, seed)
-    free, known = fitted(rows, truth, **LEVELS), fitted(rows, truth, Told(scale=0.24), **LEVELS)
+    free, known = fitted(rows, truth, **LEVELS), fitted(rows, truth, scale_mm_per_px=0.24, **LEVELS)
     assert float(known.transform.scale) == 0.24
     np.testing.assert_array_equal(known.covariance.matrix[6], 0.0)
     least = np.linalg.eigvalsh(free.covariance.matrix[:6, :6] - known.covariance.matrix[:6, :6])[0]

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonocal import _core
-from sonocal.registration.axis_scales import axis_scales
 from sonocal.registration.fit_targets import fit_targets, refine_targets
 from sonocal.registration.mapped import MappedRows, MappedTargets
+from sonocal.registration.model_test import model_tests
 from sonocal.registration.noise import estimate_noise
 from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
@@ -97,16 +97,22 @@ def test_fits_of_lines_and_of_a_mix_of_them_rest_together(seed, dimension):
         assert other.sigma_mm == pytest.approx(fit.sigma_mm, rel=0.2, abs=0.05)
 
 
-@given(seeds)
+@given(seeds, dimensions)
 @settings(max_examples=15)
-def test_the_scales_of_a_volumes_axes_are_those_of_lines(seed):
-    rows, _ = scene_rows(seed, 3, 20)
-    stretched = dataclasses.replace(rows, points=rows.points * [1.0, 1.1, 1.0])
-    fit = fit_point_lines(stretched, Options(threshold_mm=100.0))
-    mine, theirs = (
-        axis_scales(one, fit, {"frame": rows.frame}) for one in (as_targets(stretched), stretched)
+def test_models_of_stretched_rows_are_told_apart_as_those_of_lines(seed, dimension):
+    rows, _ = scene_rows(seed, dimension, 20)
+    stretched = dataclasses.replace(
+        rows, points=rows.points * np.array([1.0, 1.1, 1.0])[: rows.points.shape[1]]
     )
-    np.testing.assert_allclose(mine.scales, theirs.scales, rtol=2e-3)
+    fit = fit_point_lines(stretched, Options(threshold_mm=100.0))
+    (mine,), (theirs,) = (
+        model_tests(
+            one, fit, lambda other, one=one: estimate_noise(one, other, {"frame": rows.frame}), rows.points
+        )
+        for one in (as_targets(stretched), stretched)
+    )
+    assert len(mine.wider_mm_per_px) == dimension
+    np.testing.assert_allclose(mine.wider_mm_per_px, theirs.wider_mm_per_px, rtol=2e-3)
     assert mine.p_value == pytest.approx(theirs.p_value, rel=0.2, abs=1e-4)
 
 

@@ -23,7 +23,7 @@ HOSTILE = [
     ({"threshold_mm": -1.0}, "threshold_mm .*-1"),
     ({"threshold_mm": np.nan}, "threshold_mm .*nan"),
     ({"threshold_mm": "5 mm"}, "threshold_mm .*5 mm"),
-    ({"model": "affine"}, "model must be one of similarity, anisotropic; got 'affine'"),
+    ({"model": "affine"}, "model must be one of similarity, anisotropic, rigid; got 'affine'"),
     ({"weighting": "none"}, "weighting must be one of"),
     ({"max_samples": 0}, "max_samples .*0"),
     ({"tolerance_mm": -2.0}, "tolerance_mm .*-2"),

@@ -30,6 +30,8 @@ constexpr double kZero = 1e-12, kLevel = 1e-9;
 // An answer that refinement moves further than this was none.
 constexpr double kMoved = 1e-5;
 
+bool several_scales(Model model) { return model == Model::kAnisotropic || model == Model::kVoxels; }
+
 Certificate judged(const LeastEigenvalue& least, double zero) {
   if (least.found > zero) return Certificate::kOptimal;
   return least.settled && least.found > -zero ? Certificate::kTied : Certificate::kNotShown;
@@ -58,7 +60,7 @@ struct AtAnswer {
     slope = all.template topRows<kColumns>();
     unrest = (slope - slope.transpose()).cwiseAbs().maxCoeff();
     if (kColumns == 2) unrest = std::max(unrest, all.row(2).cwiseAbs().maxCoeff());
-    if (model == Model::kAnisotropic)
+    if (several_scales(model))
       unrest = std::max(unrest, slope.diagonal().cwiseAbs().maxCoeff());
     else if (!scale_known)
       unrest = std::max(unrest, std::fabs(slope.trace()));
@@ -158,12 +160,12 @@ Certificate of_two_columns(const NormalEquations& equations, const Transform& at
   if (!answer.at_rest()) return Certificate::kNotShown;
   const double zero = kZero * answer.form.trace();
   Eigen::Matrix2d multipliers = answer.slope;
-  if (model == Model::kAnisotropic) multipliers.diagonal().setZero();
+  if (several_scales(model)) multipliers.diagonal().setZero();
   const Pencil<6, 6>::Square plain = answer.less(multipliers);
   const double least = least_of(SmallMatrix(plain));
   if (least > zero) return Certificate::kOptimal;
   // Of two scales only the angle between the columns is asked for; and a known one has no other multipliers.
-  if (model == Model::kAnisotropic || scale_known) return judged({least, true}, zero);
+  if (several_scales(model) || scale_known) return judged({least, true}, zero);
   static const Pencil<6, 6>::Moves by_columns = moves_of_two_columns();
   static const Pencil<3, 6>::Moves by_third = moves_of_third_column();
   const Pencil<6, 6> columns{plain, by_columns};
@@ -171,14 +173,17 @@ Certificate of_two_columns(const NormalEquations& equations, const Transform& at
   return judged(greatest_least_eigenvalue<6>(zero, columns, third), zero);
 }
 
-Certificate of_three_columns(const NormalEquations& equations, const Transform& at, bool scale_known) {
-  const AtAnswer<3> answer(equations, at, Model::kSimilarity, scale_known);
+Certificate of_three_columns(const NormalEquations& equations, const Transform& at, Model model,
+                             bool scale_known) {
+  const AtAnswer<3> answer(equations, at, model, scale_known);
   if (!answer.at_rest()) return Certificate::kNotShown;
   const double zero = kZero * answer.form.trace();
-  const AtAnswer<3>::Square plain = answer.less(answer.slope);
+  Matrix3d multipliers = answer.slope;
+  if (several_scales(model)) multipliers.diagonal().setZero();
+  const AtAnswer<3>::Square plain = answer.less(multipliers);
   const double least = least_of(SmallMatrix(plain));
   if (least > zero) return Certificate::kOptimal;
-  if (scale_known) return judged({least, true}, zero);
+  if (several_scales(model) || scale_known) return judged({least, true}, zero);
   static const Pencil<10, kFreeMinors>::Moves moves = free_minors();
   Pencil<10, kFreeMinors> pencil{Pencil<10, kFreeMinors>::Square::Zero(), moves};
   pencil.start.topLeftCorner<9, 9>() = plain;
@@ -243,10 +248,10 @@ NormalEquations equations_of(const std::vector<PointOnPlane>& rows, const std::v
 
 }  // namespace
 
-Certificate certificate(const NormalEquations& equations, const Transform& at, Model model,
-                        bool scale_known) {
+Certificate certificate(const NormalEquations& equations, const Transform& at, Model model) {
+  const bool scale_known = model == Model::kScaleKnown;
   return equations.dimension() == 2 ? of_two_columns(equations, at, model, scale_known)
-                                    : of_three_columns(equations, at, scale_known);
+                                    : of_three_columns(equations, at, model, scale_known);
 }
 
 Certificate certificate(const Table& table, const bool* chosen, const Transform& at, const Options& options) {
@@ -265,15 +270,14 @@ Certificate certificate(const Table& table, const bool* chosen, const Transform&
   return certificate(equations, refined.transform, options.model);
 }
 
-Certificate certificate(const MixedTable& table, const bool* chosen, const Transform& at, NoiseLevels levels,
-                        bool scale_known) {
+Certificate certificate(const MixedTable& table, const bool* chosen, const Transform& at,
+                        const Options& options) {
   const MixedRows rows(table);
   const Transform start = rows.normalisation().to_normalised(at);
-  const NormalEquations equations = mixed_cost(rows, chosen, start, levels);
-  const Model model = scale_known ? Model::kScaleKnown : Model::kSimilarity;
-  const Refinement refined = refine(equations, start, model, kFinalIterations);
+  const NormalEquations equations = mixed_cost(rows, chosen, start, options.levels);
+  const Refinement refined = refine(equations, start, options.model, kFinalIterations);
   if (!near(refined.transform, start)) return Certificate::kNotShown;
-  return certificate(equations, refined.transform, Model::kSimilarity, scale_known);
+  return certificate(equations, refined.transform, options.model);
 }
 
 Certificate certificate(const Correspondences& all, const bool* chosen, const double* weights,
@@ -284,7 +288,7 @@ Certificate certificate(const Correspondences& all, const bool* chosen, const do
   if (rows.empty() || !(frames.to_size > 0)) return Certificate::kNotShown;
   const NormalEquations equations = equations_of(rows, of_rows, frames);
   const Transform start = frames.normalised(at);
-  if (fixed_scale > 0) return certificate(equations, start, Model::kSimilarity, true);
+  if (fixed_scale > 0) return certificate(equations, start, Model::kScaleKnown);
   const Refinement refined = refine(equations, start, Model::kSimilarity, kFinalIterations);
   if (!near(refined.transform, start)) return Certificate::kNotShown;
   return certificate(equations, refined.transform, Model::kSimilarity);

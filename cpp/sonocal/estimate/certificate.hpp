@@ -23,11 +23,10 @@ Certificate certificate(const Correspondences& all, const bool* chosen, const do
                         double fixed_scale, const Transform& at);
 
 // Of the sightings with chosen[c], weighed as they are at the transform by the levels.
-Certificate certificate(const MixedTable& table, const bool* chosen, const Transform& at, NoiseLevels levels,
-                        bool scale_known);
+Certificate certificate(const MixedTable& table, const bool* chosen, const Transform& at,
+                        const Options& options);
 
 // Of a quadratic cost at a transform; where it has a slope, kNotShown.
-Certificate certificate(const NormalEquations& equations, const Transform& at, Model model,
-                        bool scale_known = false);
+Certificate certificate(const NormalEquations& equations, const Transform& at, Model model);
 
 }  // namespace sonocal

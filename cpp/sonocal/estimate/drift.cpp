@@ -33,10 +33,11 @@ enum Parameter { kWander, kMemory, kOwn, kParameters };
 using Parameters = std::array<double, kParameters>;  // logarithms
 
 // The likeliest parameters, by a search along the axes with ever smaller steps from the best of a grid.
+template <class Frames>
 class Search {
  public:
   // row_variance: in units of the line's variance, one that a row's own noise alone would give.
-  Search(const DriftingFrames& frames, double row_variance)
+  Search(const Frames& frames, double row_variance)
       : frames_(frames),
         row_variance_(row_variance),
         most_memory_(std::log(std::max(2 * frames.span(), 4.0))),
@@ -76,7 +77,7 @@ class Search {
       return std::numeric_limits<double>::max();
     return misfit(p).value;
   }
-  DriftingFrames::Misfit misfit(const Parameters& p) const {
+  typename Frames::Misfit misfit(const Parameters& p) const {
     return frames_.misfit(std::exp(p[kWander]), std::exp(p[kMemory]), own(p));
   }
   double own(const Parameters& p) const { return own_ ? least_own_ + std::exp(p[kOwn]) : 0.0; }
@@ -84,24 +85,27 @@ class Search {
   bool has_own() const { return own_; }
 
  private:
-  const DriftingFrames& frames_;
+  const Frames& frames_;
   double row_variance_, most_memory_, most_wander_, least_own_ = 0;
   bool own_;
 };
 
-TangentMatrix of_offsets(const DriftingFrames& frames, const Search& search, const Parameters& p) {
+template <class Frames>
+TangentMatrix of_offsets(const Frames& frames, const Search<Frames>& search, const Parameters& p) {
   return frames.pulled(std::exp(p[kWander]), std::exp(p[kMemory]), search.own(p));
 }
 
 // Errors' mean square in the tangent's own metric, relative to what rows' own noise alone would give.
-double size_of(const DriftingFrames& frames, const Search& search, const Parameters& p,
+template <class Frames>
+double size_of(const Frames& frames, const Search<Frames>& search, const Parameters& p,
                const TangentMatrix& c) {
   const double relative = c.cwiseProduct(of_offsets(frames, search, p)).sum();
   return search.misfit(p).unit * (1 + relative / static_cast<double>(c.rows()));
 }
 
 // Satterthwaite's freedom of the covariance, by the likelihood's curvature in wander and memory.
-double freedom_of(const DriftingFrames& frames, const Search& search, const Parameters& at,
+template <class Frames>
+double freedom_of(const Frames& frames, const Search<Frames>& search, const Parameters& at,
                   const TangentMatrix& c) {
   constexpr double kStep = 0.25;
   const double here = search.misfit(at).value, size = size_of(frames, search, at, c);
@@ -132,13 +136,12 @@ double freedom_of(const DriftingFrames& frames, const Search& search, const Para
   return std::max(2 / variance, kLeastFreedomLeft);
 }
 
-}  // namespace
-
-Drift drift_of(const WhiteResiduals& white, const double* time, const std::int32_t* targets,
+template <int kColumns>
+Drift drift_as(const WhiteResiduals& white, const double* time, const std::int32_t* targets,
                const TangentMatrix& covariance) {
   Drift out;
   if (white.row.size() < 2 * kFewestTimes) return out;
-  const DriftingFrames frames(white, time, targets);
+  const DriftingFrames<kColumns> frames(white, time, targets);
   if (frames.count() < kFewestTimes || !(frames.freedom() > kLeastFreedomLeft)) return out;
   double excess = 0;
   for (double memory = 1.5; memory < frames.span(); memory *= 3)
@@ -152,7 +155,7 @@ Drift drift_of(const WhiteResiduals& white, const double* time, const std::int32
   if (search.has_own())
     for (double own = -1e-2 * search.least_own(); own < row_variance * 1e3; own *= 1.5)
       without = std::min(without, frames.misfit(0, 1, own + search.least_own()).value);
-  const DriftingFrames::Misfit misfit = search.misfit(best);
+  const auto misfit = search.misfit(best);
   if (!(without - misfit.value > kLeastGain)) return out;
   out.gain = without - misfit.value;
   out.unit = misfit.unit;
@@ -162,6 +165,14 @@ Drift drift_of(const WhiteResiduals& white, const double* time, const std::int32
   out.freedom = freedom_of(frames, search, best, covariance);
   out.of_offsets = times(covariance, times(of_offsets(frames, search, best), covariance));
   return out;
+}
+
+}  // namespace
+
+Drift drift_of(const WhiteResiduals& white, const double* time, const std::int32_t* targets,
+               const TangentMatrix& covariance) {
+  return (covariance.rows() > 8 ? drift_as<kMostParameters + 1> : drift_as<9>)(white, time, targets,
+                                                                               covariance);
 }
 
 }  // namespace sonocal

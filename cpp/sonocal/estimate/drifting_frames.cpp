@@ -15,9 +15,6 @@ namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using FramePull = DriftingFrames::Pull;
-using FrameSquare = DriftingFrames::Square;
-constexpr int kColumns = DriftingFrames::kColumns;
 
 // Sums of squares below this part of what they are the difference of are none.
 constexpr double kLostToRounding = 1e-10;
@@ -32,7 +29,8 @@ constexpr double kStiffness = 4;
 struct Left {
   double squares, log_determinant = 0;
 };
-Left left_of(FrameSquare& a, int k) {
+template <class Square>
+Left left_of(Square& a, int k) {
   Left out;
   for (int j = 0; j < k; ++j) {
     out.log_determinant += std::log(std::abs(a(j, j)));
@@ -46,7 +44,9 @@ Left left_of(FrameSquare& a, int k) {
 }
 
 // sum += by a'b, in the lower triangle or whole.
-void add_product(FrameSquare& sum, double by, const FramePull& a, const FramePull& b) {
+template <int kColumns>
+void add_product(Eigen::Matrix<double, kColumns, kColumns>& sum, double by,
+                 const Eigen::Matrix<double, 3, kColumns>& a, const Eigen::Matrix<double, 3, kColumns>& b) {
   const double *x = a.data(), *y = b.data();
   double* z = sum.data();
   for (int c = 0; c < kColumns; ++c)
@@ -65,17 +65,19 @@ void add_scaled(double* sum, double by, const double* a, int count) {
   for (int i = 0; i < count; ++i) sum[i] += by * a[i];
 }
 
-FrameSquare padded(const TangentMatrix& a) {
-  FrameSquare out = FrameSquare::Zero();
+template <class Square>
+Square padded(const TangentMatrix& a) {
+  Square out = Square::Zero();
   for (Eigen::Index c = 0; c < a.cols(); ++c)
     for (Eigen::Index r = 0; r < a.rows(); ++r) out(r, c) = a(r, c);
   return out;
 }
 
 // [J r] of one residual.
-using FrameRow = std::array<double, kColumns>;
-FrameRow row_of(const WhiteResiduals& white, const Eigen::VectorXd& residual, Eigen::Index m) {
-  FrameRow row{};
+template <int kColumns>
+std::array<double, kColumns> row_of(const WhiteResiduals& white, const Eigen::VectorXd& residual,
+                                    Eigen::Index m) {
+  std::array<double, kColumns> row{};
   const auto k = white.jacobian.cols();
   std::copy_n(white.jacobian.data() + m * k, k, row.begin());
   row[static_cast<std::size_t>(k)] = residual[m];
@@ -84,8 +86,10 @@ FrameRow row_of(const WhiteResiduals& white, const Eigen::VectorXd& residual, Ei
 
 }  // namespace
 
-DriftingFrames::DriftingFrames(const WhiteResiduals& white, const double* time, const std::int32_t* targets)
-    : whole_(FrameSquare::Zero()), parameters_(static_cast<int>(white.jacobian.cols())) {
+template <int kColumns>
+DriftingFrames<kColumns>::DriftingFrames(const WhiteResiduals& white, const double* time,
+                                         const std::int32_t* targets)
+    : whole_(Square::Zero()), parameters_(static_cast<int>(white.jacobian.cols())) {
   const Eigen::VectorXd residual = without_targets(white, targets);
   std::vector<Eigen::Index> order(white.row.size());
   std::iota(order.begin(), order.end(), 0);
@@ -93,9 +97,9 @@ DriftingFrames::DriftingFrames(const WhiteResiduals& white, const double* time, 
   std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return at(a) < at(b); });
   for (const Eigen::Index m : order) {
     if (frames_.empty() || frames_.back().time != at(m))
-      frames_.push_back({at(m), Matrix3d::Zero(), FramePull::Zero()});
+      frames_.push_back({at(m), Matrix3d::Zero(), Pull::Zero()});
     Frame& frame = frames_.back();
-    const FrameRow row = row_of(white, residual, m);
+    const auto row = row_of<kColumns>(white, residual, m);
     const double* shift = white.shift.data() + 3 * m;
     for (int i = 0; i < 3; ++i) add_scaled(frame.weight.data() + 3 * i, shift[i], shift, 3);
     for (int c = 0; c < kColumns; ++c) {
@@ -108,38 +112,41 @@ DriftingFrames::DriftingFrames(const WhiteResiduals& white, const double* time, 
     if (i < 3 || i >= 6) whole_(i, i) += kStiffness * freedom_;
 }
 
-double DriftingFrames::excess(double memory, const TangentMatrix& covariance) const {
-  const FrameSquare c = padded(covariance);
+template <int kColumns>
+double DriftingFrames<kColumns>::excess(double memory, const TangentMatrix& covariance) const {
+  const Square c = padded<Square>(covariance);
   const double unit = whole_(parameters_, parameters_) / freedom_;
-  FramePull before = FramePull::Zero();
+  Pull before = Pull::Zero();
   Matrix3d weight = Matrix3d::Zero();
   double sum = 0, spread = 0;
   for (int t = 1; t < count(); ++t) {
     const double keeps = kept(t, memory);
     before = keeps * (before + frames_[t - 1].pull);
     weight = keeps * keeps * (weight + frames_[t - 1].weight);
-    const FramePull& now = frames_[t].pull;
+    const Pull& now = frames_[t].pull;
     sum += dot_of(now.data() + 3 * parameters_, before.data() + 3 * parameters_, 3) / unit;
-    const FramePull taken = product(now, c);
+    const Pull taken = product(now, c);
     sum += dot_of(taken.data(), before.data(), 3 * kColumns);
     spread += dot_of(weight.data(), frames_[t].weight.data(), 9);
   }
   return spread > 0 ? sum / std::sqrt(spread) : 0.0;
 }
 
-DriftingFrames::Misfit DriftingFrames::misfit(double wander, double memory, double own) const {
-  FrameSquare left = whole_;
+template <int kColumns>
+typename DriftingFrames<kColumns>::Misfit DriftingFrames<kColumns>::misfit(double wander, double memory,
+                                                                           double own) const {
+  Square left = whole_;
   double determinants = 0;
   Matrix3d inverse;
-  FramePull carried;
+  Pull carried;
   double link = 0;
   for (int t = 0; t < count(); ++t) {
     Matrix3d weight = frames_[t].weight;
-    FramePull pull = frames_[t].pull;
+    Pull pull = frames_[t].pull;
     if (own != 0) {
       const Ldlt<3> each(Matrix3d::Identity() + own * weight);
       determinants += each.log_determinant();
-      const FramePull shrunk = each.solve(pull);
+      const Pull shrunk = each.solve(pull);
       add_product(left, -own, pull, shrunk);
       weight = each.solve(weight);
       pull = shrunk;
@@ -171,11 +178,12 @@ DriftingFrames::Misfit DriftingFrames::misfit(double wander, double memory, doub
   return {sound ? value : std::numeric_limits<double>::max(), squares / freedom_};
 }
 
-TangentMatrix DriftingFrames::pulled(double wander, double memory, double own) const {
-  FrameSquare sum = FrameSquare::Zero(), cross = FrameSquare::Zero();
-  FramePull before = FramePull::Zero();
+template <int kColumns>
+TangentMatrix DriftingFrames<kColumns>::pulled(double wander, double memory, double own) const {
+  Square sum = Square::Zero(), cross = Square::Zero();
+  Pull before = Pull::Zero();
   for (int t = 0; t < count(); ++t) {
-    const FramePull& now = frames_[t].pull;
+    const Pull& now = frames_[t].pull;
     if (t > 0) before = kept(t, memory) * (before + frames_[t - 1].pull);
     add_product(sum, wander + own, now, now);
     add_product(cross, wander, now, before);
@@ -186,18 +194,22 @@ TangentMatrix DriftingFrames::pulled(double wander, double memory, double own) c
   return out;
 }
 
-double DriftingFrames::most_weight() const {
+template <int kColumns>
+double DriftingFrames<kColumns>::most_weight() const {
   double most = 0;
   for (const Frame& frame : frames_) most = std::max(most, symmetric_eigenvalues(frame.weight).maxCoeff());
   return most;
 }
 
-double DriftingFrames::kept(int t, double memory) const {
+template <int kColumns>
+double DriftingFrames<kColumns>::kept(int t, double memory) const {
   return std::exp(-(frames_[t].time - frames_[t - 1].time) / memory);
 }
 
 // The residuals without an offset of each target's.
-Eigen::VectorXd DriftingFrames::without_targets(const WhiteResiduals& white, const std::int32_t* targets) {
+template <int kColumns>
+Eigen::VectorXd DriftingFrames<kColumns>::without_targets(const WhiteResiduals& white,
+                                                          const std::int32_t* targets) {
   Eigen::VectorXd residual = white.residual;
   if (targets == nullptr) return residual;
   std::int32_t most = 0;
@@ -224,5 +236,8 @@ Eigen::VectorXd DriftingFrames::without_targets(const WhiteResiduals& white, con
     residual[m] -= dot_of(shift(m), pull[target(m)].data(), 3);
   return residual;
 }
+
+template class DriftingFrames<9>;
+template class DriftingFrames<kMostParameters + 1>;
 
 }  // namespace sonocal

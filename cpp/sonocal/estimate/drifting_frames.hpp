@@ -9,11 +9,12 @@ namespace sonocal {
 
 // White residuals summed over the rows of each frame, in the order of time: r = J d + s (e + B f + B b), see
 // drift.hpp.
+//
+// kColumns: the tangent's columns and the residual's own; one that is not used stays zero, for sizes known
+// when compiled.
+template <int kColumns>
 class DriftingFrames {
  public:
-  // The tangent's columns and the residual's own; one that is not used stays zero, for sizes known when
-  // compiled.
-  static constexpr int kColumns = 9;
   using Pull = Eigen::Matrix<double, 3, kColumns>;
   using Square = Eigen::Matrix<double, kColumns, kColumns>;
 
@@ -59,5 +60,8 @@ class DriftingFrames {
   int parameters_ = 0;
   double freedom_ = 0, taken_ = 0;
 };
+
+extern template class DriftingFrames<9>;
+extern template class DriftingFrames<kMostParameters + 1>;
 
 }  // namespace sonocal

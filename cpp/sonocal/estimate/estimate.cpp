@@ -48,10 +48,16 @@ void report_as(const PointLines& rows, const Transform& normalised, const Column
 
 void report(const PointLines& rows, const Transform& normalised, const Column& squares, double limit,
             const std::optional<LikelihoodFit>& likelihood, Model model, Estimate& result) {
-  if (model == Model::kSimilarity)
-    report_as<7>(rows, normalised, squares, limit, likelihood, result);
-  else
-    report_as<8>(rows, normalised, squares, limit, likelihood, result);
+  switch (model) {
+    case Model::kScaleKnown:
+      return report_as<6>(rows, normalised, squares, limit, likelihood, result);
+    case Model::kSimilarity:
+      return report_as<7>(rows, normalised, squares, limit, likelihood, result);
+    case Model::kAnisotropic:
+      return report_as<8>(rows, normalised, squares, limit, likelihood, result);
+    default:
+      return report_as<9>(rows, normalised, squares, limit, likelihood, result);
+  }
 }
 
 // Weighted refinement, and again where it changed which rows agree by more than a few of very many.
@@ -111,6 +117,7 @@ Estimate estimate(const Table& table, const Options& options) {
     result.converged = fit->converged;
   }
   report(rows, start.transform, squares, start.limit, fit, options.model, result);
+  if (options.model == Model::kScaleKnown) result.transform.scales.setConstant(options.scale);  // to the bit
   return result;
 }
 
@@ -123,7 +130,10 @@ Estimate refine_chosen(const Table& table, const bool* chosen, const Transform& 
   constexpr double kChosen = 0.5;
   Estimate result;
   std::optional<LikelihoodFit> fit;
-  Transform refined = rows.normalisation().to_normalised(start);
+  const Normalisation& n = rows.normalisation();
+  Transform refined =
+      n.to_normalised(start);  // about the points' centre, which another scale leaves in its place
+  if (options.model == Model::kScaleKnown) refined.scales.setConstant(options.scale * n.image_size / n.size);
   const Refinement geometric =
       refine(rows.geometric_cost(selector, kChosen), refined, options.model, kFinalIterations);
   if (!ran_away(geometric.transform, refined)) {
@@ -137,6 +147,7 @@ Estimate refine_chosen(const Table& table, const bool* chosen, const Transform& 
     result.converged = fit->converged;
   }
   report(rows, refined, selector, kChosen, fit, options.model, result);
+  if (options.model == Model::kScaleKnown) result.transform.scales.setConstant(options.scale);
   return result;
 }
 

@@ -256,8 +256,10 @@ LikelihoodFit maximise_likelihood(const Noise& noise, const Transform& start, Mo
       return Maximiser<6, Noise>(noise, model, known).run(start);
     case Model::kSimilarity:
       return Maximiser<7, Noise>(noise, model, known).run(start);
-    default:
+    case Model::kAnisotropic:
       return Maximiser<8, Noise>(noise, model, known).run(start);
+    default:
+      return Maximiser<9, Noise>(noise, model, known).run(start);
   }
 }
 template LikelihoodFit maximise_likelihood(const NoiseModel&, const Transform&, Model, NoiseLevels);

@@ -29,7 +29,7 @@ WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit,
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
   const Variances levels = variances(noise.normalisation(), fit.levels);
   const Matrix3d linear = fit.transform.linear();
-  std::vector<TangentRow> jacobian;
+  std::vector<TangentRow<kParameters>> jacobian;
   std::vector<Vector2d> by_level;
   Matrix alike = Matrix::Zero();  // information if all rows weighed alike, which motions are judged by
   MixedBlocks blocks(noise, fit.transform, levels);
@@ -41,8 +41,7 @@ WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit,
         if (!(weight > 0)) continue;
         const Vector3d normal(block.normal[k][0][i], block.normal[k][1][i], block.normal[k][2][i]);
         const Vector3d x(block.x[0][i], block.x[1][i], block.x[2][i]);
-        jacobian.push_back(std::sqrt(weight) *
-                           residual_jacobian(normal, x, block.h[i], linear, kParameters == 8 ? 8 : 7));
+        jacobian.push_back(std::sqrt(weight) * residual_jacobian<kParameters>(normal, x, block.h[i], linear));
         const Eigen::Matrix<double, kParameters, 1> row =
             jacobian.back().transpose().template head<kParameters>();
         alike += row * row.transpose() / weight;
@@ -87,9 +86,13 @@ WiderCovariance covariance_of(const MixedNoise& noise, const LikelihoodFit& fit,
       found = covariance_as<7>(noise, fit, known);
       found.covariance = to_original<7>(found.covariance, original, n);
       break;
-    default:
+    case Model::kAnisotropic:
       found = covariance_as<8>(noise, fit, known);
       found.covariance = to_original<8>(found.covariance, original, n);
+      break;
+    default:
+      found = covariance_as<9>(noise, fit, known);
+      found.covariance = to_original<9>(found.covariance, original, n);
   }
   return found;
 }

@@ -74,8 +74,10 @@ Refinement descend_as(const NormalEquations& equations, const Transform& start, 
       return descend<kColumns, 0>(equations, start, max_iterations);
     case Model::kSimilarity:
       return descend<kColumns, 1>(equations, start, max_iterations);
-    default:
+    case Model::kAnisotropic:
       return descend<kColumns, 2>(equations, start, max_iterations);
+    default:
+      return descend<kColumns, kColumns>(equations, start, max_iterations);
   }
 }
 

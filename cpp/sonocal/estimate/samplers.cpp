@@ -80,6 +80,12 @@ int FourRows::solve(const Sample& sample, Random&, Candidates& out) {
   return four_points(problem, out, NoRealRoot::kRealPart);
 }
 
+Vector3d FourRows::centre(const Sample& sample) const {
+  Vector3d sum = Vector3d::Zero();
+  for (int i = 0; i < sample_size(); ++i) sum += rows_.point(sample[i]) / sample_size();
+  return sum;
+}
+
 TwoSightings::TwoSightings(const PointLines& rows, const Sightings& sightings)
     : rows_(rows), sightings_(sightings) {
   for (int i = 0; i < sightings.size(); ++i) {
@@ -94,6 +100,15 @@ void TwoSightings::draw(Random& random, Sample& sample) const {
   sample[0] = random.below(units());
   sample[1] = random.below(units() - 1);
   sample[1] += sample[1] >= sample[0];
+}
+
+Vector3d TwoSightings::centre(const Sample& sample) const {
+  Vector3d sum = Vector3d::Zero();
+  for (int i = 0; i < sample_size(); ++i) {
+    const Sightings::Range members = sightings_[lines_[sample[i]]];
+    for (const int row : members) sum += rows_.point(row) / (sample_size() * members.size());
+  }
+  return sum;
 }
 
 int TwoSightings::solve(const Sample& sample, Random& random, Candidates& out) const {

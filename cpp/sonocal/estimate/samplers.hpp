@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "sonocal/estimate/point_lines.hpp"
@@ -29,6 +30,7 @@ class FourRows {
   // different ones where there are enough.
   void draw(Random& random, Sample& sample);
   int solve(const Sample& sample, Random&, Candidates& out);
+  Vector3d centre(const Sample& sample) const;  // of the sample's points
 
  private:
   // Samples are drawn and solved several at a time, side by side in vectors, and handed out one by one.
@@ -56,12 +58,40 @@ class TwoSightings {
   bool enumerable() const { return pairs_only_; }
   void draw(Random& random, Sample& sample) const;
   int solve(const Sample& sample, Random& random, Candidates& out) const;
+  Vector3d centre(const Sample& sample) const;
 
  private:
   const PointLines& rows_;
   const Sightings& sightings_;
   std::vector<int> lines_;  // sightings of two points or more
   bool pairs_only_ = true;
+};
+
+// The samples of another sampler, whose answers are given a known scale: grown about the sample's centre,
+// which stays where it is. A sample of four points and of two lines determines its scale, and refinement on
+// the rows that agree mends what a wrong one has done to the rotation.
+template <class Sampler>
+class AtScale {
+ public:
+  AtScale(Sampler sampler, double scale) : sampler_(std::move(sampler)), scale_(scale) {}
+  int units() const { return sampler_.units(); }
+  int sample_size() const { return sampler_.sample_size(); }
+  bool enumerable() const { return sampler_.enumerable(); }
+  void draw(Random& random, Sample& sample) { sampler_.draw(random, sample); }
+  int solve(const Sample& sample, Random& random, Candidates& out) {
+    const int count = sampler_.solve(sample, random, out);
+    const Vector3d centre = sampler_.centre(sample);
+    for (int i = 0; i < count; ++i) {
+      const Vector3d mapped = out[i].apply(centre);
+      out[i].scales.setConstant(scale_);
+      out[i].translation += mapped - out[i].apply(centre);
+    }
+    return count;
+  }
+
+ private:
+  Sampler sampler_;
+  double scale_;
 };
 
 }  // namespace sonocal

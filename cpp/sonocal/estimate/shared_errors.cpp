@@ -12,7 +12,7 @@ namespace {
 // A grouping whose offsets the fit takes up almost whole cannot be told from the calibration itself.
 constexpr double kLeastShareLeft = 0.05;
 
-using Pull = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, 8, 3>;  // J'B of one group
+using Pull = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMostParameters, 3>;  // J'B of one group
 
 // Numbers from 0 on in the place of whatever codes.
 int count_codes(std::vector<std::int64_t>& codes) {

@@ -29,7 +29,7 @@ struct Sums {
 };
 
 // Lower triangles of k x k matrices, row after row.
-constexpr int kMostEntries = 8 * 9 / 2;
+constexpr int kMostEntries = kMostParameters * (kMostParameters + 1) / 2;
 using Triangle = std::array<double, kMostEntries>;
 
 TangentMatrix unfolded(const Triangle& sum, Eigen::Index k) {

@@ -244,8 +244,12 @@ Start consensus_with(const PointLines& rows, Sampler sampler, const Options& opt
 
 Start consensus_of(const PointLines& rows, const Sightings& sightings, const Labels& labels,
                    const Options& options) {
-  return rows.dimension() == 2 ? consensus_with(rows, FourRows(rows, labels), options)
-                               : consensus_with(rows, TwoSightings(rows, sightings), options);
+  const auto with = [&](auto sampler) {
+    if (options.model != Model::kScaleKnown) return consensus_with(rows, std::move(sampler), options);
+    const Normalisation& n = rows.normalisation();
+    return consensus_with(rows, AtScale(std::move(sampler), options.scale * n.image_size / n.size), options);
+  };
+  return rows.dimension() == 2 ? with(FourRows(rows, labels)) : with(TwoSightings(rows, sightings));
 }
 
 // Every n-th sighting of a large table, as a table of its own.

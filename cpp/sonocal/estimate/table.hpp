@@ -29,6 +29,7 @@ struct Options {
   double threshold_mm = 5.0;  // paper section 9; 0: from the noise
   NoiseLevels levels;         // a level of zero is estimated
   ConsensusOptions consensus;
+  double scale = 0;  // mm per px, where the model takes it for known
 };
 
 inline Sightings sightings_of(const Table& table) {

@@ -3,26 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 
 #include "sonocal/estimate/mixed_noise.hpp"
 #include "sonocal/estimate/white_rows.hpp"
 #include "sonocal/linalg/ldlt.hpp"
 
 namespace sonocal {
-
-TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s,
-                             int parameters) {
-  const Vector3d sx = s * x, turned = cross(sx, n);
-  const bool alike = parameters == 7;
-  TangentRow j;
-  for (int i = 0; i < 3; ++i) {
-    j[i] = turned[i];
-    j[3 + i] = h * n[i];
-  }
-  j[6] = alike ? n.dot(sx) : n.dot(s.col(0)) * x[0];
-  j[7] = alike ? 0.0 : n.dot(s.col(1)) * x[1];
-  return j;
-}
 
 namespace {
 
@@ -148,22 +135,40 @@ TangentMatrix inverse_as(const WhiteJacobian& jacobian) {
   return inverse;
 }
 
+// f of the number of a model's parameters, known when this is compiled.
+template <class Function>
+auto by_parameters(Eigen::Index parameters, const Function& f) {
+  switch (parameters) {
+    case 6:
+      return f(std::integral_constant<int, 6>());
+    case 7:
+      return f(std::integral_constant<int, 7>());
+    case 8:
+      return f(std::integral_constant<int, 8>());
+    default:
+      return f(std::integral_constant<int, 9>());
+  }
+}
+
 }  // namespace
 
 WhiteResiduals white_residuals(const Table& table, const bool* chosen, const Transform& at,
                                const Options& options) {
-  return options.model == Model::kSimilarity ? whiten<7>(table, chosen, at, options)
-                                             : whiten<8>(table, chosen, at, options);
+  return by_parameters(parameter_count(options.model), [&](auto parameters) {
+    return whiten<decltype(parameters)::value>(table, chosen, at, options);
+  });
 }
 
 WhiteResiduals white_residuals(const MixedTable& table, const bool* chosen, const Transform& at,
                                const Options& options) {
-  return options.model == Model::kSimilarity ? whiten<7>(table, chosen, at, options)
-                                             : whiten<8>(table, chosen, at, options);
+  return by_parameters(parameter_count(options.model), [&](auto parameters) {
+    return whiten<decltype(parameters)::value>(table, chosen, at, options);
+  });
 }
 
 TangentMatrix inverse_information(const WhiteJacobian& jacobian) {
-  return jacobian.cols() == 7 ? inverse_as<7>(jacobian) : inverse_as<8>(jacobian);
+  return by_parameters(jacobian.cols(),
+                       [&](auto parameters) { return inverse_as<decltype(parameters)::value>(jacobian); });
 }
 
 }  // namespace sonocal

@@ -9,11 +9,24 @@
 
 namespace sonocal {
 
-// Derivative of a residual n . (S x + h t) by the tangent of 7 or 8 parameters; a similarity leaves the last
-// one unused.
-using TangentRow = Eigen::Matrix<double, 1, 8>;
-TangentRow residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s,
-                             int parameters);
+// Derivative of a residual n . (S x + h t) by the tangent: 8 numbers, of which a model of fewer parameters
+// leaves the last ones unused, or 9. 7 parameters are one growth of all columns.
+template <int kParameters>
+using TangentRow = Eigen::Matrix<double, 1, (kParameters > 8 ? kParameters : 8)>;
+template <int kParameters>
+TangentRow<kParameters> residual_jacobian(const Vector3d& n, const Vector3d& x, double h, const Matrix3d& s) {
+  const Vector3d sx = s * x, turned = cross(sx, n);
+  TangentRow<kParameters> j;
+  for (int i = 0; i < 3; ++i) {
+    j[i] = turned[i];
+    j[3 + i] = h * n[i];
+  }
+  constexpr bool alike = kParameters <= 7;
+  j[6] = alike ? n.dot(sx) : n.dot(s.col(0)) * x[0];
+  j[7] = alike ? 0.0 : n.dot(s.col(1)) * x[1];
+  if constexpr (kParameters > 8) j[8] = n.dot(s.col(2)) * x[2];
+  return j;
+}
 
 // Residuals of the rows with chosen[i], made independent and of unit variance under the levels. Original
 // units.

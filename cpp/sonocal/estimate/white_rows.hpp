@@ -28,21 +28,23 @@ struct WhiteRow {
 // A pixel's noise e adds n . dS e to the derivative J of r, the target's own q_k = -(n . q_k) reach_k . d(S x
 // + h t): both are in J'J, and in J'r, too, where the derivatives of A and B take them out as long as the
 // levels are right.
+template <int kParameters>
 class NoiseInJacobian {
  public:
-  static constexpr int kMost = 8;
+  using Row = TangentRow<kParameters>;
+  static constexpr int kMost = Row::SizeAtCompileTime;
   using Square = Eigen::Matrix<double, kMost, kMost>;
 
   Square px = Square::Zero(), mm = Square::Zero();
-  TangentRow by_ratio = TangentRow::Zero();
+  Row by_ratio = Row::Zero();
 
   // a, b: the squared levels of the row's point and target.
   void add(const WhiteRow& row, const Reaches& reaches, const Transform& at, const Matrix3d& s, int dimension,
-           int parameters, double a, double b) {
-    TangentRow by_px = TangentRow::Zero(), by_mm = TangentRow::Zero();  // half the derivatives of A and B
+           double a, double b) {
+    Row by_px = Row::Zero(), by_mm = Row::Zero();  // half the derivatives of A and B
     double of_px = 0;
     for (int axis = 0; axis < dimension; ++axis) {
-      const TangentRow of_axis = residual_jacobian(row.normal, Vector3d::Unit(axis), 0, s, parameters);
+      const Row of_axis = residual_jacobian<kParameters>(row.normal, Vector3d::Unit(axis), 0, s);
       const double seen = row.normal.dot(s.col(axis));
       add_outer(px, row.weight * a, of_axis);
       by_px += (a * seen) * of_axis;
@@ -50,7 +52,7 @@ class NoiseInJacobian {
     }
     const Vector3d place = s * row.x + row.h * at.translation;
     for (int k = 0; k < reaches.count; ++k) {
-      const TangentRow along = residual_jacobian(reaches.reach[k], row.x, row.h, s, parameters);
+      const Row along = residual_jacobian<kParameters>(reaches.reach[k], row.x, row.h, s);
       add_outer(mm, row.weight * b, along);
       by_mm += (b * (reaches.reach[k].dot(place) - row.h * reaches.middle[k])) * along;
     }
@@ -58,7 +60,7 @@ class NoiseInJacobian {
   }
 
  private:
-  static void add_outer(Square& sum, double by, const TangentRow& v) {
+  static void add_outer(Square& sum, double by, const Row& v) {
     for (int c = 0; c < kMost; ++c) {
       const double of_column = by * v[c];
       for (int r = 0; r < kMost; ++r) sum.data()[r + kMost * c] += of_column * v[r];
@@ -95,7 +97,7 @@ class WhiteRows {
     const double root = std::sqrt(row.weight);
     if (!alike_) out_.by_level.row(to) << row.alpha * px_ * row.weight, row.beta * mm_ * row.weight;
     out_.residual[to] = root * row.residual;
-    const TangentRow jacobian = residual_jacobian(row.normal, row.x, row.h, linear_, kParameters);
+    const auto jacobian = residual_jacobian<kParameters>(row.normal, row.x, row.h, linear_);
     for (int c = 0; c < kParameters; ++c) {
       double sum = 0;
       for (int j = 0; j < kParameters; ++j) sum += jacobian[j] * from_original_(j, c);
@@ -103,7 +105,7 @@ class WhiteRows {
     }
     out_.shift.row(to) = (root * row.h / size_) * row.normal.transpose();
     out_.row.push_back(row.table_row);
-    if (!alike_) in_jacobian_.add(row, reaches, normalised_, linear_, dimension_, kParameters, a, b);
+    if (!alike_) in_jacobian_.add(row, reaches, normalised_, linear_, dimension_, a, b);
   }
 
   WhiteResiduals finished() {
@@ -125,7 +127,7 @@ class WhiteRows {
  private:
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
 
-  TangentMatrix original(const NoiseInJacobian::Square& sums) const {
+  TangentMatrix original(const typename NoiseInJacobian<kParameters>::Square& sums) const {
     const Matrix used = sums.template topLeftCorner<kParameters, kParameters>();
     return transposed_product(from_original_, product(used, from_original_));
   }
@@ -137,7 +139,7 @@ class WhiteRows {
   const int dimension_;
   const bool alike_;
   WhiteResiduals out_;
-  NoiseInJacobian in_jacobian_;
+  NoiseInJacobian<kParameters> in_jacobian_;
 };
 
 }  // namespace sonocal

@@ -55,6 +55,7 @@ template class Ldlt<5>;
 template class Ldlt<6>;
 template class Ldlt<7>;
 template class Ldlt<8>;
+template class Ldlt<9>;
 template class Ldlt<10>;
 template class Ldlt<14>;
 

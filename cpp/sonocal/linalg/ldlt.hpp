@@ -47,6 +47,7 @@ extern template class Ldlt<5>;
 extern template class Ldlt<6>;
 extern template class Ldlt<7>;
 extern template class Ldlt<8>;
+extern template class Ldlt<9>;
 extern template class Ldlt<10>;
 extern template class Ldlt<14>;
 

@@ -91,12 +91,15 @@ Transform retract(const Transform& a, const Eigen::Matrix<double, kParameters, 1
     out.scales[1] *= std::exp(step[kParameters - 1]);
     // No point of a 2D image has a third coordinate: its scale is a convention, the mean.
     out.scales[2] = 0.5 * (out.scales[0] + out.scales[1]);
+  } else if constexpr (kParameters == 9) {
+    for (int axis = 0; axis < 3; ++axis) out.scales[axis] *= std::exp(step[kParameters - 3 + axis]);
   }
   return out;
 }
 template Transform retract<6>(const Transform&, const Eigen::Matrix<double, 6, 1>&);
 template Transform retract<7>(const Transform&, const Eigen::Matrix<double, 7, 1>&);
 template Transform retract<8>(const Transform&, const Eigen::Matrix<double, 8, 1>&);
+template Transform retract<9>(const Transform&, const Eigen::Matrix<double, 9, 1>&);
 
 void NormalEquations::add(const Block& block) {
   // H block (i, j) += x_i x_j Q and g block i += x_i b, the homogeneous coordinate h being block 3.
@@ -180,6 +183,8 @@ template void NormalEquations::linearise<7>(const Transform&, Eigen::Matrix<doub
                                             Eigen::Matrix<double, 7, 1>&) const;
 template void NormalEquations::linearise<8>(const Transform&, Eigen::Matrix<double, 8, 8>&,
                                             Eigen::Matrix<double, 8, 1>&) const;
+template void NormalEquations::linearise<9>(const Transform&, Eigen::Matrix<double, 9, 9>&,
+                                            Eigen::Matrix<double, 9, 1>&) const;
 
 TangentMatrix NormalEquations::information(const Transform& a, Model model) const {
   const auto jtj = [&](auto parameters) -> TangentMatrix {
@@ -194,8 +199,10 @@ TangentMatrix NormalEquations::information(const Transform& a, Model model) cons
       return jtj(std::integral_constant<int, 6>());
     case Model::kSimilarity:
       return jtj(std::integral_constant<int, 7>());
-    default:
+    case Model::kAnisotropic:
       return jtj(std::integral_constant<int, 8>());
+    default:
+      return jtj(std::integral_constant<int, 9>());
   }
 }
 

@@ -11,11 +11,14 @@ enum class Model {
   kScaleKnown = 6,   // rotation (3), translation (3)
   kSimilarity = 7,   // rotation (3), translation (3), log scale
   kAnisotropic = 8,  // rotation (3), translation (3), log scale along u, along v
+  kVoxels = 9,       // and along w: of a volume
 };
 
 inline int parameter_count(Model model) { return static_cast<int>(model); }
 
-using TangentMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 8, 8>;
+constexpr int kMostParameters = 9;
+using TangentMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostParameters, kMostParameters>;
 inline TangentMatrix times(const TangentMatrix& a, const TangentMatrix& b) { return a.lazyProduct(b); }
 
 // (exp([w]x) R, t + v, s exp(l)) for the tangent (w, v, l).

@@ -22,12 +22,14 @@ from sonocal.calibration.rows import image_area, known_levels
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.calibration.through_sound import calibrate_through_sound
 from sonocal.findings import Findings
+from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.ambiguity import beside_rival
 from sonocal.registration.certificate import LazyCertificate, certificate_of
 from sonocal.registration.degeneracy import refuse_apparent
+from sonocal.registration.lazy import Lazy
 from sonocal.registration.mapped import mapped_rows
-from sonocal.registration.noise import estimate_noise
+from sonocal.registration.model_test import model_tests
 
 __all__ = ["calibrate"]
 
@@ -41,7 +43,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         **options: any of the following, by name.
 
             How rows are fitted:
-            model ("similarity"): or "anisotropic" for a 2D probe whose pixels are not square in mm.
+            model ("similarity"): or "anisotropic" where pixels are not square in mm, or voxels no cubes.
+            scale_mm_per_px (None): where it is known: six unknowns are left, and the rows say whether they agree.
             weighting ("likelihood"): weigh every residual by the noise that it carries; "geometric": take all
             distances alike, as the paper does (section 8).
             threshold_mm (5.0): rows further than this from their line are outliers (paper section 9); "auto":
@@ -87,7 +90,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         InputError: there is no such option, an option or a split is wrong, or rows are too few.
         DegenerateGeometryError: the sightings leave a motion free.
         NoConsensusError: no calibration agrees with enough rows.
-        UnsupportedError: the anisotropic model of a 3D probe.
+        UnsupportedError: points or planes by a threshold from the noise.
 
     Source: paper sections 5 to 9.
     """
@@ -99,9 +102,9 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     with explained(given, asked):
         rows, (table, fit, mirrored), repeated = fit_distinct(given, asked)
         used, groupings = asked.resolved(fit.threshold_mm), groupings_of(table, rows)
-
         # How sure it is: the rows' own noise, errors that they share, a second answer that fits as well.
-        noise = estimate_noise(table, fit, groupings.labels, time=groupings.time, **known_levels(table, used))
+        noise_of = partial(groupings.noise_of, table, known_levels(table, used))
+        noise = noise_of(fit)
         refuse_apparent(table, fit.inlier, noise.apparent)
     mapped, few = mapped_rows(fit.transform, table), few_fixed_targets(table, fit.inlier)
     size, seen, area = image_area(rows, fit.inlier, asked.image_size_px)
@@ -120,6 +123,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         inlier=fit.inlier,
         options=used,
         _certificate=LazyCertificate(partial(certificate_of, table, fit)),
+        _models=Lazy(partial(model_tests, table, fit, noise_of, area_places(area)[:-1])),
         provenance={"input": rows.source, "sha256": rows.sha256, "options": kept_options(asked, used)},
     )
 
@@ -131,8 +135,7 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
         partial(held_out_findings, found, held_out),
         partial(set_up_findings, found, rows, mapped),
     )
-    found = replace(found, diagnostics=Findings(looks=looks))
-    return _as_given(found, given, repeated, late)
+    return _as_given(replace(found, diagnostics=Findings(looks=looks)), given, repeated, late)
 
 
 def _as_given(

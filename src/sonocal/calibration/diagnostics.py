@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.calibration.anisotropy import anisotropy_findings
 from sonocal.calibration.area import corner_of
 from sonocal.calibration.bent import likeliest_of_needle
 from sonocal.calibration.distortion import likeliest_of_image
 from sonocal.calibration.few_targets import few_fixed_targets, few_targets_finding
 from sonocal.calibration.groupings import Groupings
+from sonocal.calibration.models import model_findings
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.thickness import likeliest_of_slice
 from sonocal.findings import Diagnostic
@@ -254,9 +254,12 @@ def fit_findings(
     if isinstance(mapped, MappedRows) and mapped.table.dimension == 2:
         yield from diagnose_image_plane(fit.transform.rotation, mapped.directions[fit.inlier])
     yield from diagnose_noise(noise)
-    stretched = [*anisotropy_findings(mapped.table, fit, groupings, accepted)]
-    if stretched or not isinstance(mapped, MappedRows):
-        yield from stretched or _of_lines_alone()
+    told = [*model_findings(found)]
+    yield from told
+    if any(one.code != "known-scale-unchecked" for one in told):
+        return
+    if not isinstance(mapped, MappedRows):
+        yield from _of_lines_alone()
         return
     area, _, area_name = accepted
     looks = (likeliest_of_image, likeliest_of_needle, likeliest_of_slice)

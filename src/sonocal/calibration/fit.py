@@ -45,7 +45,7 @@ def fit_rows(rows: Observations, options: Options) -> FittedRows:
         InputError: rows are too few, or 3D sightings are no lines.
         DegenerateGeometryError: the sightings leave a motion free.
         NoConsensusError: no calibration agrees with enough rows.
-        UnsupportedError: the anisotropic model of a 3D probe, or what points and planes cannot have.
+        UnsupportedError: what points and planes cannot have.
     """
     if rows.lines_only:
         check_rows(rows, options.model)

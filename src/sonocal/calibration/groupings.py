@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import FURTHEST, Array
 from sonocal.observations import Observations, group_codes
+from sonocal.registration.fit import Fit
+from sonocal.registration.noise import Noise, estimate_noise
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 
@@ -25,6 +27,16 @@ class Groupings(NamedTuple):
 
     labels: dict[str, NDArray[Any]]
     time: Array
+
+    def noise_of(self, table: PointLineRows | TargetRows, known: dict[str, bool], fit: Fit) -> Noise:
+        """The noise of a fit of the rows, by what they may share.
+
+        Args:
+            table: the rows.
+            known: which noise levels were given.
+            fit: of any model.
+        """
+        return estimate_noise(table, fit, self.labels, time=self.time, **known)
 
 
 def groupings_of(table: PointLineRows | TargetRows, rows: Observations) -> Groupings:

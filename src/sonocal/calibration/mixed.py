@@ -58,14 +58,10 @@ def check_mixed(rows: Observations, options: Options) -> None:
 
     Raises:
         InputError: there is no row, or rows of one sighting differ in their target.
-        UnsupportedError: the anisotropic model, or a threshold from the noise.
+        UnsupportedError: a threshold from the noise.
     """
     if not len(rows):
         raise InputError(f"{rows.source}: has no row to fit; see ten sightings or more, of several targets")
-    if options.model != "similarity":
-        raise UnsupportedError(
-            f"{rows.source}: holds points or planes, which are fitted by one scale; leave out the model"
-        )
     if options.threshold_mm == "auto":
         raise UnsupportedError(
             f"{rows.source}: holds points or planes, and these need a threshold in mm; give one"

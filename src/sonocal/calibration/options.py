@@ -31,6 +31,7 @@ class Keywords(TypedDict, total=False):
     max_samples: int
     exhaustive_samples: int
     seed: int
+    scale_mm_per_px: float | None
     fit_split: str | None
     test_split: str | None
     image_size_px: tuple[int, ...] | None

@@ -10,6 +10,7 @@ from sonocal.calibration.sound import Sound
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
 from sonocal.registration.certificate import Certificate
+from sonocal.registration.model_test import ModelTest
 from sonocal.registration.noise import Drift
 from sonocal.registration.options import Model
 
@@ -21,7 +22,7 @@ CONVENTIONS = (
     "probe_from_image @ (u, v, w, 1) is a place in mm in the probe marker's frame. u right, v down, w out of the "
     "slice, in px of the MF-oriented image; the origin is the centre of the first pixel; a 2D image lies at w = 0. "
     "The mm per px are inside the matrix. Covariance: of a rotation vector applied on the left (rad), a translation "
-    "(mm) and the logarithm of the scale, or of both scales."
+    "(mm) and the logarithm of the scale, of the scale along every axis, or of none where the scale is known."
 )
 
 
@@ -77,5 +78,6 @@ class Record(msgspec.Struct, kw_only=True):
     latency_interval_s: tuple[float, float] | None = None
     sound: Sound | None = None
     certificate: Certificate = "not shown"
+    models: list[ModelTest] = []
     diagnostics: list[Diagnostic]
     provenance: dict[str, Any]

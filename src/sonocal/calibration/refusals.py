@@ -10,6 +10,7 @@ from sonocal.calibration.options import Options
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import DECISIVE, Diagnostic
 from sonocal.observations import Observations
+from sonocal.registration.best_fit import best_fit
 from sonocal.registration.degeneracy import refuse_degenerate_lines
 from sonocal.registration.refusals import refuse_free
 from sonocal.registration.rows import PointLineRows
@@ -43,6 +44,7 @@ def explained(rows: Observations, options: Options) -> Iterator[None]:
                 agreeing=error.best_count if isinstance(error, NoConsensusError) else None,
             )
         )
+        found = (*_of_scale(table, options, error), *found)
         error.explained(found, leading_with(found, str(error)))
         raise
 
@@ -59,6 +61,32 @@ def leading_with(findings: tuple[Diagnostic, ...], refusal: str) -> str:
     if first.code == "wrong-tool-frame":  # which says of the rows what the refusal says
         return f"{fact}; {first.advice}"
     return f"{first.message}; {first.advice} (refused as it stands: {fact})"
+
+
+def _of_scale(
+    table: PointLineRows | TargetRows, options: Options, refusal: NoConsensusError | DegenerateGeometryError
+) -> Iterator[Diagnostic]:
+    """The finding that more rows agree where the scale is free, of a refusal under a known one."""
+    if options.model != "rigid":
+        return
+    try:
+        fit = best_fit(table, options.of_model("similarity"))[0]
+    except (NoConsensusError, DegenerateGeometryError):
+        return
+    agreeing = int(fit.inlier.sum())
+    if agreeing > (refusal.best_count if isinstance(refusal, NoConsensusError) else 0):
+        yield Diagnostic(
+            code="known-scale-disagrees",
+            severity="warning",
+            message=(
+                f"the rows contradict the scale that was given: {agreeing} of {len(table)} agree at "
+                f"{fit.transform.scales[0]:.5f} mm/px, and {options.scale_mm_per_px:.5f} were given"
+            ),
+            advice=(
+                "check the number, and that it is of this depth setting and of images that were not resampled; leave "
+                "--scale out to have the scale found"
+            ),
+        )
 
 
 def _is_degenerate(table: PointLineRows | TargetRows) -> bool:

@@ -6,6 +6,7 @@ import datetime
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,10 @@ from sonocal.files.elsewhere import refuse_other_kind
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import FURTHEST, Array, AxisScaled, Similarity, area_places, frozen, real_array
 from sonocal.registration.certificate import Certificate, LazyCertificate
+from sonocal.registration.lazy import Lazy, found
+from sonocal.registration.model_test import ModelTest
 from sonocal.registration.noise import Noise
-from sonocal.registration.options import Model
+from sonocal.registration.options import Model, scale_count, unknowns
 from sonocal.registration.uncertainty import point_covariance, radius_95
 
 # As many residuals as the core can count.
@@ -44,9 +47,11 @@ class Calibration(InSession):
 
     Attributes:
         probe_from_image: mm from px.
-        model: "similarity" (one scale) or "anisotropic" (one along u, one along v).
+        model: "similarity" (one scale), "anisotropic" (one along u, one along v, in a volume one along w) or "rigid"
+            (a known scale).
         covariance: (k, k), of the tangent: rotation vector applied on the left (rad), translation (mm),
-            log scale (one, or two when anisotropic). None where no row is left to estimate the noise.
+            log scale (one; two or three when anisotropic; none when rigid). None where no row is left to estimate the
+            noise.
         noise: the standard deviations behind it, mm.
         area_px: (2, 2) or (2, 3): the least and the greatest corner of the image area that predicted
             errors are quoted for.
@@ -81,6 +86,7 @@ class Calibration(InSession):
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
     _certificate: LazyCertificate = field(default_factory=LazyCertificate.known, repr=False)
+    _models: Lazy[tuple[ModelTest, ...]] = field(default_factory=partial(Lazy, tuple), repr=False)
 
     def __post_init__(self) -> None:
         for array in (self.covariance, self.area_px, self.residuals_mm, self.inlier):
@@ -88,7 +94,7 @@ class Calibration(InSession):
                 frozen(array)
 
     def __repr__(self) -> str:
-        scales = self.probe_from_image.scales[: 1 if self.model == "similarity" else 2]
+        scales = self.scales_mm_per_px
         expected = "no error is predicted"
         if self.covariance is not None:
             worst = self.predicted_errors()[2][:-1].max()
@@ -106,6 +112,19 @@ class Calibration(InSession):
         another may cost less. Looked for when first read, in some tens of microseconds.
         """
         return self._certificate.read()
+
+    @property
+    def models(self) -> tuple[ModelTest, ...]:
+        """The model against others: whether a known scale agrees with the rows, whether the axes have one scale.
+
+        Looked for when first read; empty where no rows are to spare, or the file is of a sonocal that kept none.
+        """
+        return self._models.read()
+
+    @property
+    def scales_mm_per_px(self) -> Array:
+        """(1,), or along every axis of the image (d,), of the anisotropic model."""
+        return self.probe_from_image.scales[: _scale_count(self.model, self.dimension)]
 
     @property
     def dimension(self) -> int:
@@ -233,7 +252,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         probe_from_image=transform.matrix.tolist(),
         model=calibration.model,
-        scale_mm_per_px=transform.scales[: _scale_count(calibration.model)].tolist(),
+        scale_mm_per_px=calibration.scales_mm_per_px.tolist(),
         rotation_wxyz=transform.quaternion_wxyz.tolist(),
         translation_mm=transform.translation.tolist(),
         covariance=None if calibration.covariance is None else calibration.covariance.tolist(),
@@ -257,6 +276,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         latency_interval_s=calibration.latency_interval_s,
         sound=calibration.sound,
         certificate=calibration.certificate,
+        models=list(calibration.models),
         diagnostics=list(calibration.diagnostics),
         provenance=calibration.provenance
         | {"options": _options_record(calibration), "versions": _versions()},
@@ -305,14 +325,15 @@ def _from_record(record: Record) -> Calibration:
         raise ValueError(f"probe_from_image has shape {matrix.shape} and not (4, 4)")
     if not np.all(np.abs(matrix) < FURTHEST):
         raise ValueError(f"probe_from_image holds a number that is not below {FURTHEST:g}")
-    if len(record.scale_mm_per_px) != _scale_count(record.model):
+    dimension = np.shape(record.area_px)[-1] if np.size(record.area_px) else 0
+    if len(record.scale_mm_per_px) != _scale_count(record.model, dimension):
         raise ValueError(
             f"scale_mm_per_px has {len(record.scale_mm_per_px)} entries for the {record.model} model"
         )
     if not all(0 < scale < FURTHEST for scale in record.scale_mm_per_px):
         raise ValueError(f"scale_mm_per_px is {record.scale_mm_per_px} and not positive")
     covariance = None if record.covariance is None else np.array(record.covariance)
-    parameters = 6 + _scale_count(record.model)
+    parameters = unknowns(record.model, dimension)
     if covariance is not None and covariance.shape != (parameters, parameters):
         raise ValueError(f"covariance has shape {covariance.shape} and not ({parameters}, {parameters})")
     if covariance is not None and not _is_covariance(covariance):
@@ -353,6 +374,7 @@ def _from_record(record: Record) -> Calibration:
         options=options,
         provenance=record.provenance,
         _certificate=LazyCertificate.known(record.certificate),
+        _models=found(tuple(record.models)),
     )
 
 
@@ -394,10 +416,11 @@ def _options_record(calibration: Calibration) -> dict[str, Any]:
 
 def _transform(matrix: np.ndarray[Any, np.dtype[np.float64]], record: Record) -> AxisScaled:
     scales = np.resize(record.scale_mm_per_px, 3)
-    scales[2] = np.mean(record.scale_mm_per_px)
+    if len(record.scale_mm_per_px) < 3:
+        scales[2] = np.mean(record.scale_mm_per_px)
     rotation, translation = _exact_quotient(matrix[:3, :3], scales), matrix[:3, 3]
     similarity = Similarity(rotation, translation, scales[0])  # checks that it is one
-    return similarity if record.model == "similarity" else AxisScaled(rotation, translation, scales)
+    return AxisScaled(rotation, translation, scales) if record.model == "anisotropic" else similarity
 
 
 def _exact_quotient(product: Array, factor: Array) -> Array:
@@ -411,8 +434,9 @@ def _exact_quotient(product: Array, factor: Array) -> Array:
     return np.asarray(quotient)
 
 
-def _scale_count(model: Model) -> int:
-    return 2 if model == "anisotropic" else 1
+def _scale_count(model: Model, dimension: int) -> int:
+    """Of the model's transform, known ones among them."""
+    return max(scale_count(model, dimension), 1)
 
 
 def _versions() -> dict[str, str]:

@@ -81,10 +81,6 @@ def require_lines(observations: Observations) -> None:
 
 def check_rows(rows: Observations, model: Model) -> None:
     """Refuse too few rows, and 3D sightings that are no lines."""
-    if rows.dimension == 3 and model == "anisotropic":
-        raise UnsupportedError(
-            "the anisotropic model is for 2D probes; calibrate a 3D probe with the similarity model"
-        )
     needed = MINIMAL_ROWS + (model == "anisotropic")
     if len(rows) < needed:
         raise InputError(

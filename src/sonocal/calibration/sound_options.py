@@ -59,6 +59,11 @@ def _refuse_halves(model: Model, radius: float | None, speed: object, face: obje
         raise InputError(
             f'{name} says nothing without sound_speed_m_s: give the speed in what was scanned, m/s, or "estimate"'
         )
+    if speed is not None and model == "rigid":
+        raise InputError(
+            "scale_mm_per_px cannot be given beside sound_speed_m_s, which changes what a px is worth; give the scale "
+            "as scanner_mm_per_px, which the speed's estimate takes into account"
+        )
     if speed is not None and model == "anisotropic":
         raise InputError(
             "the anisotropic model is for linear probes and probe_radius_mm for curved ones; leave out one of them"

@@ -72,6 +72,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
         "How the needle is found in images": DETECTING,
         "How rows are fitted": (
             "model",
+            "scale_mm_per_px",
             "threshold_mm",
             "weighting",
             "sigma_px",
@@ -88,6 +89,7 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
         "sonocal calibrate sweep.igs.mha --lines needle.toml -o calibration",
         "sonocal calibrate sweep.igs.mha --lines needle.toml --points points.csv -o from-points",
         "sonocal calibrate needle.csv --test-split test --scanner-mm-per-px 0.24 -o held-out",
+        "sonocal calibrate needle.csv --scale 0.24 -o known-scale",
         "sonocal calibrate needle.csv --probe-radius-mm 60 --sound-speed 1482 -o in-water",
         "sonocal calibrate - -o piped < needle.csv",
     ),
@@ -112,7 +114,14 @@ OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
     type=click.Choice(["similarity", "anisotropic"]),
     default="similarity",
     show_default=True,
-    help="One mm/px, or one along u and one along v (linear 2D probes).",
+    help="One mm/px, or one along every axis (linear 2D probes; voxels that are no cubes).",
+)
+@click.option(
+    "--scale",
+    "scale_mm_per_px",
+    type=float,
+    metavar="MM_PER_PX",
+    help="The scale, where it is known: six unknowns are left, and the rows say whether they agree with it.",
 )
 @click.option("--fit-split", metavar="NAME", help="Fit the rows of this split of a table only.")
 @click.option("--test-split", metavar="NAME", help="Hold the rows of this split out, and report their error.")

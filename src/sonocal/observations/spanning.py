@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array, on_one_line
 
-__all__ = ["SPANNING_COLUMNS", "lengths_of", "of_spanning", "segments_of", "spans_of", "wrong_span"]
+__all__ = [
+    "SPANNING_COLUMNS",
+    "flat_spans",
+    "lengths_of",
+    "of_spanning",
+    "segments_of",
+    "spans_of",
+    "wrong_span",
+]
 
 SPANNING_COLUMNS = tuple(f"{axis}{point}_mm" for point in range(3) for axis in "xyz")
 """Of the first, the second and the third point."""
@@ -59,11 +67,20 @@ def wrong_span(spanning_mm: Array) -> tuple[int, str] | None:
             "gives a point in part, or a later one without the one before it; fill in x, y and z of one point, of two "
             "for a line, of three for a plane"
         )
-    along = spanning_mm[:, 1] - spanning_mm[:, 0]
-    short = (spans >= 2) & (np.linalg.norm(np.nan_to_num(along), axis=1) == 0)
+    short = flat_spans(spanning_mm[:, :2], np.minimum(spans, 2))
     if short.any():
         return int(np.argmax(short)), "has the same point twice; give two different ones of the line or plane"
-    flat = (spans == 3) & on_one_line(spanning_mm)
+    flat = flat_spans(spanning_mm, spans)
     if flat.any():
         return int(np.argmax(flat)), "has three points on one line, which span no plane; give three that do"
     return None
+
+
+def flat_spans(spanning_mm: Array, spans: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(N,): whether two points of a line are one, or three of a plane on one line; of points (N, K, 3)."""
+    if spanning_mm.shape[1] < 2:
+        return np.zeros(len(spans), dtype=bool)
+    flat = (spans >= 2) & (np.linalg.norm(spanning_mm[:, 1] - spanning_mm[:, 0], axis=1) == 0)
+    if spanning_mm.shape[1] == 3:
+        flat |= (spans == 3) & on_one_line(spanning_mm)
+    return np.asarray(flat)

@@ -12,6 +12,7 @@ from sonocal import _core
 from sonocal.geometry import Similarity
 from sonocal.registration.constraints import Rows
 from sonocal.registration.fit import Fit
+from sonocal.registration.lazy import Lazy
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows, to_core
 from sonocal.registration.spanned import SpannedRows
@@ -24,28 +25,13 @@ Certificate = Literal["optimal", "tied", "not shown"]
 """Every other answer costs more; none costs less, but another may cost the same; another may cost less."""
 
 
-class LazyCertificate:
+class LazyCertificate(Lazy[Certificate]):
     """A certificate that is looked for when it is first read."""
-
-    def __init__(self, look: Callable[[], Certificate]) -> None:
-        self._look = look
-        self._found: Certificate | None = None
 
     @classmethod
     def known(cls, found: Certificate = "not shown") -> LazyCertificate:
         """One that was looked for before, as in a file."""
         return cls(lambda: found)
-
-    def read(self) -> Certificate:
-        """The certificate."""
-        if self._found is None:
-            self._found = self._look()
-        return self._found
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, LazyCertificate) and self.read() == other.read()
-
-    __hash__ = None  # type: ignore[assignment]  # to be hashed it would have to be looked for
 
     def __reduce__(self) -> tuple[Callable[[Certificate], LazyCertificate], tuple[Certificate]]:
         return LazyCertificate.known, (self.read(),)
@@ -76,13 +62,13 @@ def _certificate_of_targets(table: TargetRows, fit: Fit, at: _core.Transform) ->
     marks = table.marks(fit.inlier)
     if fit.weighting == "likelihood":
         levels = fit.options.to_core(fit.sigma_px, fit.sigma_mm)
-        return cast(Certificate, _core.certificate(table.core, marks, at, levels, scale=0.0))
+        return cast(Certificate, _core.certificate(table.core, marks, at, levels))
     rows, options = table.constraints.core, fit.options.to_core(0, 0)
-    return cast(Certificate, _core.certificate(rows, marks, at, options, scale=0.0, weights=None))
+    return cast(Certificate, _core.certificate(rows, marks, at, options))
 
 
 def certificate_of_mix(
-    rows: Rows, inlier: NDArray[np.bool_], similarity: Similarity, told: Told
+    rows: Rows, inlier: NDArray[np.bool_], similarity: Similarity, options: Options, told: Told
 ) -> Certificate:
     """Whether a similarity has the least sum of squares of all, over the correspondences that agree.
 
@@ -90,11 +76,11 @@ def certificate_of_mix(
         rows: correspondences of any kind.
         inlier: (C,), those that agree.
         similarity: their least squares.
-        told: weights, and the scale where it is known.
+        options: with the scale where it is known.
+        told: weights.
     """
     chosen, at = np.ascontiguousarray(inlier), to_core(similarity)
-    options, scale = Options().to_core(0, 0), told.scale or 0.0
-    found = _core.certificate(rows.core, chosen, at, options, scale=scale, weights=told.weights)
+    found = _core.certificate(rows.core, chosen, at, options.to_core(0, 0), weights=told.weights)
     return cast(Certificate, found)
 
 
@@ -103,7 +89,6 @@ def certificate_of_spanned(
     inlier: NDArray[np.bool_],
     similarity: Similarity,
     levels: _core.Options,
-    scale: float | None,
 ) -> Certificate:
     """Whether a similarity is the best of all for the sightings that agree, weighed as the levels have it there.
 
@@ -111,8 +96,7 @@ def certificate_of_spanned(
         rows: points, lines and planes by what spans them.
         inlier: (C,), those that agree.
         similarity: the maximum of their likelihood.
-        levels: options with the noise levels.
-        scale: where it is known.
+        levels: options with the noise levels, and the scale where it is known.
     """
     chosen, at = np.ascontiguousarray(inlier), to_core(similarity)
-    return cast(Certificate, _core.certificate(rows.core, chosen, at, levels, scale=scale or 0.0))
+    return cast(Certificate, _core.certificate(rows.core, chosen, at, levels))

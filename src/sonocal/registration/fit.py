@@ -51,7 +51,7 @@ class Fit:
 
     @property
     def model(self) -> Model:
-        """One scale, or one along u and one along v."""
+        """One scale, one along every axis, or a known one."""
         return self.options.model
 
     @property
@@ -113,8 +113,8 @@ def transform_of(found: _core.Estimate, model: Model = "similarity") -> AxisScal
     Raises:
         InputError: its numbers are none of a transform.
     """
-    kind = Similarity if model == "similarity" else AxisScaled
+    kind = AxisScaled if model == "anisotropic" else Similarity
     if found.sound:
         return kind.unchecked(found.rotation, found.translation, found.scales)
-    scale = found.scales[0] if model == "similarity" else found.scales
+    scale = found.scales if model == "anisotropic" else found.scales[0]
     return kind(found.rotation, found.translation, scale)

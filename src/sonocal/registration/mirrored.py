@@ -84,7 +84,7 @@ def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool
     points = np.ascontiguousarray(rows.points * [1.0, 1.0, -1.0])
     table = _core.Table.of_planes(points, rows.planes, rows.first)
     few = replace(options, max_samples=MIRRORED_SAMPLES).to_core(0, 0)
-    other = _core.estimate_correspondences(table, few, refine=True, scale=0.0, weights=None)
+    other = _core.estimate_correspondences(table, few, refine=True)
     if not other.found:
         return
     mirrored = int(np.count_nonzero(other.residuals_mm <= options.threshold_mm))

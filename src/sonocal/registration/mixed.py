@@ -49,13 +49,15 @@ class MixedFit:
     sigma_mm: float | None = None
 
 
-def least_squares(rows: Rows, start: Similarity, found: _core.Estimate, told: Told) -> MixedFit:
+def least_squares(
+    rows: Rows, start: Similarity, found: _core.Estimate, options: Options, told: Told
+) -> MixedFit:
     """What least squares made of the correspondences, with the covariance of errors that each one's rows share."""
     inlier: NDArray[np.bool_] = found.residuals_mm <= found.threshold
     agreeing, weights = rows.select(inlier), told.of_rows(rows, inlier)
     about = agreeing.points, agreeing.planes, agreeing.first, start, weights
-    covariance = covariance_of_mix(*about, scale_known=told.scale is not None)
-    certificate = partial(certificate_of_mix, rows, inlier, start, told)
+    covariance = covariance_of_mix(*about, scale_known=options.model == "rigid")
+    certificate = partial(certificate_of_mix, rows, inlier, start, options, told)
     return MixedFit(start, covariance, found.residuals_mm, inlier, found.converged, certificate)
 
 
@@ -69,8 +71,8 @@ def maximise(rows: SpannedRows, start: Similarity, options: Options, told: Told)
     Args:
         rows: the sightings.
         start: near the answer.
-        options: with the threshold, and the levels where they are known.
-        told: what multiplies the noise of each, and the scale where it is known.
+        options: with the threshold, and the levels and the scale where they are known.
+        told: what multiplies the noise of each.
 
     Returns:
         None where it runs away from the start, or too few agree to tell the levels.
@@ -78,16 +80,15 @@ def maximise(rows: SpannedRows, start: Similarity, options: Options, told: Told)
     Source: paper section 8 with the noise of section 9 in it; Kenward and Roger 1997 for the covariance.
     """
     weighed = rows if told.weights is None else _weighed(rows, told.weights)
-    known, given = told.scale is not None, (options.sigma_px or 0.0, options.sigma_mm or 0.0)
-    found = _core.maximise(weighed.core, to_core(start), options.to_core(*given), scale_known=known)
+    known, given = options.model == "rigid", (options.sigma_px or 0.0, options.sigma_mm or 0.0)
+    found = _core.maximise(weighed.core, to_core(start), options.to_core(*given))
     if not (found.found and found.sound):
         return None
     assert options.threshold_mm != "auto"
     inlier: NDArray[np.bool_] = found.residuals_mm <= options.threshold_mm
     if not all(given) and weighed.select(inlier).residuals <= 7 - known:
         return None
-    scale = told.scale if told.scale is not None else found.scales[0]
-    similarity = Similarity(found.rotation, found.translation, scale)
+    similarity = Similarity(found.rotation, found.translation, options.scale_mm_per_px or found.scales[0])
     levels = options.to_core(found.level_px, found.level_mm)
     return MixedFit(
         similarity,
@@ -95,7 +96,7 @@ def maximise(rows: SpannedRows, start: Similarity, options: Options, told: Told)
         found.residuals_mm,
         inlier,
         found.converged,
-        partial(certificate_of_spanned, weighed, inlier, similarity, levels, told.scale),
+        partial(certificate_of_spanned, weighed, inlier, similarity, levels),
         found.level_px,
         found.level_mm,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
 from math import inf, nan
@@ -14,12 +14,22 @@ import numpy as np
 from sonocal import _core
 from sonocal.errors import InputError
 
-__all__ = ["Model", "Options", "Weighting", "one_of", "positive_number", "true_or_false", "whole_number"]
+__all__ = [
+    "Model",
+    "Options",
+    "Weighting",
+    "one_of",
+    "positive_number",
+    "scale_count",
+    "true_or_false",
+    "unknowns",
+    "whole_number",
+]
 
-Model = Literal["similarity", "anisotropic"]
+Model = Literal["similarity", "anisotropic", "rigid"]
 Weighting = Literal["likelihood", "geometric"]
 
-CHOICES = {"model": ("similarity", "anisotropic"), "weighting": ("likelihood", "geometric")}
+CHOICES = {"model": ("similarity", "anisotropic", "rigid"), "weighting": ("likelihood", "geometric")}
 MOST_SAMPLES = 2**30
 MOST_COMBINATIONS = 2**20
 # Whose products with three such numbers are finite still: what the core takes.
@@ -31,7 +41,7 @@ class Options:
     """How to find a transform; `registration.robust.fit_point_lines` says what each option does.
 
     Attributes:
-        model: one scale, or one along u and one along v (points of a 2D image only).
+        model: one scale; one along every axis of the image; or "rigid", a scale that is known.
         weighting: what the last refinement minimises.
         threshold_mm: rows within this distance agree, in units of the target; "auto": from the noise; infinite: all.
         sigma_px: noise of a point along every axis, px, where known; a factor of the rows' own column.
@@ -40,6 +50,7 @@ class Options:
         max_samples: random samples at the most.
         exhaustive_samples: up to this many combinations are all tried.
         seed: of the random samples.
+        scale_mm_per_px: where it is known, which makes the model "rigid".
 
     Raises:
         InputError: an option means nothing; the sentence names it and what arrived.
@@ -54,6 +65,7 @@ class Options:
     max_samples: int = 10_000
     exhaustive_samples: int = 200
     seed: int = 0
+    scale_mm_per_px: float | None = None
 
     @classmethod
     def of(cls, **keywords: Any) -> Self:
@@ -109,6 +121,25 @@ class Options:
             ("seed", 0, 2**64 - 1),
         ):
             self._keep(name, whole_number(name, getattr(self, name), least, most))
+        if self.scale_mm_per_px is not None or self.model == "rigid":
+            self._keep_scale()
+
+    def _keep_scale(self) -> None:
+        if self.scale_mm_per_px is None:
+            raise InputError(
+                "the rigid model is that of a known scale; give it as scale_mm_per_px, such as 0.24"
+            )
+        self._keep("scale_mm_per_px", positive_number("scale_mm_per_px", self.scale_mm_per_px))
+        if self.model == "anisotropic":
+            raise InputError(
+                "scale_mm_per_px says that the scale is known, one for all axes, and the anisotropic model that each "
+                "has its own; leave out one of them"
+            )
+        self._keep("model", "rigid")
+
+    def of_model(self, model: Model) -> Self:
+        """The same with a model of which no scale is known."""
+        return replace(self, model=model, scale_mm_per_px=None)
 
     def to_core(self, level_px: float, level_mm: float) -> _core.Options:
         """The options as the core takes them, with noise levels of 0 where they are to be estimated."""
@@ -122,11 +153,22 @@ class Options:
             max_samples=self.max_samples,
             exhaustive_samples=self.exhaustive_samples,
             seed=self.seed,
+            scale=self.scale_mm_per_px or 0.0,
         )
 
     def _keep(self, name: str, value: object) -> None:
         if getattr(self, name) is not value:
             object.__setattr__(self, name, value)
+
+
+def scale_count(model: Model, dimension: int) -> int:
+    """How many scales of a 2D or 3D image the model has among its unknowns."""
+    return {"rigid": 0, "similarity": 1}.get(model, dimension)
+
+
+def unknowns(model: Model, dimension: int) -> int:
+    """How many numbers the tangent has: a turn, a shift, the logarithms of the scales."""
+    return 6 + scale_count(model, dimension)
 
 
 def one_of(name: str, value: Any, choices: tuple[str, ...]) -> str:

@@ -25,7 +25,7 @@ from sonocal.registration.distinct import distinct_of
 from sonocal.registration.fit import Fit, transform_of
 from sonocal.registration.mirrored import refuse_mirrored_target
 from sonocal.registration.mixed import least_squares, maximise
-from sonocal.registration.options import Options, Weighting, true_or_false
+from sonocal.registration.options import Options, Weighting, true_or_false, unknowns
 from sonocal.registration.refusals import (
     PARAMETERS,
     refuse_chance,
@@ -153,8 +153,9 @@ def register(
     """
     require("constraints", constraints, Rows)
     sigmas_mm = sigmas_of(sigma_mm)
+    known = None if scale is None else scale_of(scale)
     options = Options.known(
-        "similarity",
+        "similarity" if known is None else "rigid",
         weighting,
         threshold_mm if true_or_false("robust", robust) else np.inf,
         sigma_px,
@@ -163,13 +164,11 @@ def register(
         max_samples,
         Options.exhaustive_samples,
         seed,
+        known,
     )
     refine = true_or_false("refine", refine)
     refuse_few(constraints)
-    told = Told(
-        None if sigmas_mm is None else weights_of(sigmas_mm, len(constraints.first) - 1),
-        None if scale is None else scale_of(scale),
-    )
+    told = Told(None if sigmas_mm is None else weights_of(sigmas_mm, len(constraints.first) - 1))
     distinct = distinct_of(constraints, told.weights)
     if distinct is None:
         return _registered(constraints, options, told, refine=refine)
@@ -184,7 +183,7 @@ def _registered(constraints: Rows, options: Options, told: Told, *, refine: bool
     """Correspondences that all differ, by the fastest way that they have."""
     found = (
         _register_lines(constraints, constraints.lines, options)
-        if constraints.lines is not None and refine and told.nothing
+        if constraints.lines is not None and refine and told.weights is None
         else _register_mix(constraints, options, told, refine=refine)
     )
     refuse_mirrored_target(constraints, options, found.inlier, float(found.target_from_source.scale))
@@ -197,10 +196,10 @@ def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bo
     if refine and options.weighting == "likelihood" and constraints.spanned is not None:
         fit = maximise(constraints.spanned, start, options, told)
     if fit is None:
-        fit = least_squares(constraints, start, found, told)
+        fit = least_squares(constraints, start, found, options, told)
     if fit.covariance is None and np.diff(constraints.first)[fit.inlier].sum() > PARAMETERS:
         agreeing = constraints.select(fit.inlier)
-        refuse_free_about(agreeing, fit.transform, scale_known=told.scale is not None)
+        refuse_free_about(agreeing, fit.transform, scale_known=options.model == "rigid")
     covariance = fit.covariance.matrix if fit.covariance else None
     return Registration(
         target_from_source=fit.transform,
@@ -219,7 +218,7 @@ def _register_mix(constraints: Rows, options: Options, told: Told, *, refine: bo
             covariance,
             constraints.select(fit.inlier),
             weights=told.of_rows(constraints, fit.inlier),
-            scale=told.scale,
+            scale=options.scale_mm_per_px,
             seed=options.seed,
         ),
         _certificate=LazyCertificate(fit.certificate),
@@ -235,7 +234,7 @@ def _consensus_of_mix(
             'threshold_mm="auto" needs points or lines on lines alone; give a mix a threshold in mm'
         )
     found = _core.estimate_correspondences(
-        constraints.core, options.to_core(0, 0), refine=refine, scale=told.scale or 0.0, weights=told.weights
+        constraints.core, options.to_core(0, 0), refine=refine, weights=told.weights
     )
     if not found.found:
         refuse_free(constraints)
@@ -289,7 +288,7 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
     if lines.dimension == 3:  # both points of a line
         residuals = np.sqrt(0.5 * (residuals[::2] ** 2 + residuals[1::2] ** 2))
         inlier = inlier[::2] & inlier[1::2]
-    spare = 2 * agreeing - PARAMETERS
+    spare = 2 * agreeing - unknowns(options.model, lines.dimension)
     assert isinstance(fit.transform, Similarity)
     similarity, covariance = fit.transform, _line_covariance(fit, spare)
     if not fit.plain:
@@ -306,7 +305,11 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
         sigma_px=fit.sigma_px if fit.weighting == "likelihood" else None,
         sigma_mm=fit.sigma_mm if fit.weighting == "likelihood" else None,
         _others=lambda: alternatives_to(
-            similarity, covariance, constraints.select(inlier), seed=options.seed
+            similarity,
+            covariance,
+            constraints.select(inlier),
+            scale=options.scale_mm_per_px,
+            seed=options.seed,
         ),
         _certificate=LazyCertificate(partial(certificate_of, lines, fit)),
     )
@@ -315,9 +318,8 @@ def _register_lines(constraints: Rows, lines: PointLineRows, options: Options) -
 def _line_covariance(fit: Fit, spare: int) -> Array | None:
     if spare <= 0:
         return None
-    if fit.weighting == "likelihood":
-        return fit.covariance
-    return fit.covariance * (fit.squares_mm2 / spare)
+    of_all = np.pad(fit.covariance, (0, PARAMETERS - len(fit.covariance)))  # zero for a scale that is known
+    return of_all if fit.weighting == "likelihood" else of_all * (fit.squares_mm2 / spare)
 
 
 def _line_freedom(options: Options, spare: int) -> float:

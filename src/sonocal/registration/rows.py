@@ -109,6 +109,10 @@ class PointLineRows:
         """How many numbers tell the chosen rows from their lines."""
         return 2 * int(np.count_nonzero(chosen))
 
+    def within(self, away_mm: Array, limit_mm: float) -> NDArray[np.bool_]:
+        """(N,): rows whose points are within a distance (N,)."""
+        return np.asarray(away_mm <= limit_mm)
+
     def level_px(self, sigma_px: float | None) -> float:
         """The core's level of point noise: given, or 1 beside a column of it, or 0: to be estimated."""
         return noise_level(sigma_px, self.sigma_px)

@@ -100,6 +100,11 @@ class TargetRows:
         """How many numbers tell the chosen rows from their targets: three of a point, two on a line, one in a plane."""
         return int((4 - self.spans[chosen]).sum())
 
+    def within(self, away_mm: Array, limit_mm: float) -> NDArray[np.bool_]:
+        """(N,): rows of the sightings whose points are within a distance (N,) in the mean square."""
+        squares = np.bincount(self.sightings, away_mm**2) / np.bincount(self.sightings)
+        return np.asarray(np.sqrt(squares)[self.sightings] <= limit_mm)
+
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> TargetRows:
         """The rows of a mask, or of indices in their order; codes are counted from 0 again."""
         return TargetRows(

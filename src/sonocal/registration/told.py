@@ -1,4 +1,4 @@
-"""What a user knows of correspondences beyond their places: how sure each is, and the scale."""
+"""What a user knows of correspondences beyond their places: how sure each is; and of scales that are known."""
 
 from __future__ import annotations
 
@@ -27,16 +27,9 @@ class Told:
 
     Attributes:
         weights: (C,), above 0 and up to 1: what least squares multiplies distances by; None: all alike.
-        scale: mm per px; None: to be found.
     """
 
     weights: Array | None = None
-    scale: float | None = None
-
-    @property
-    def nothing(self) -> bool:
-        """Whether all are alike and the scale is to be found."""
-        return self.weights is None and self.scale is None
 
     def of_rows(self, rows: Rows, chosen: NDArray[np.bool_]) -> Array | None:
         """(N,): the weights of the chosen correspondences' rows."""

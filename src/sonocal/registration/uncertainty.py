@@ -34,7 +34,7 @@ def point_jacobian(transform: AxisScaled, points: ArrayLike, parameters: int = 7
     Args:
         transform: mm from px.
         points: (N, 2) or (N, 3), px.
-        parameters: 7, or 8 for one log scale along u and one along v.
+        parameters: 7; 6 where the scale is known; 8 or 9 for a log scale along u, v and, in a volume, w.
 
     Returns:
         (N, 3, parameters): mm per rad, mm per mm, mm per unit of log scale.
@@ -50,7 +50,7 @@ def point_jacobian(transform: AxisScaled, points: ArrayLike, parameters: int = 7
     if parameters == 7:
         jacobian[:, :, 6] = turned
     else:
-        jacobian[:, :, 6:8] = x[:, None, :2] * columns[:, :2]
+        jacobian[:, :, 6:] = x[:, None, : parameters - 6] * columns[:, : parameters - 6]
     return jacobian
 
 
@@ -97,13 +97,13 @@ def quantile_95(freedom: float = np.inf) -> float:
 
 
 def scale_95(covariance: Array, freedom: float = np.inf) -> float:
-    """The 95 % uncertainty of the scale along u, as a share of it.
+    """The 95 % uncertainty of the scale along u, as a share of it; 0 where it was told.
 
     Args:
         covariance: (k, k), of the tangent.
         freedom: as of `quantile_95`.
     """
-    return quantile_95(freedom) * float(np.sqrt(covariance[6, 6]))
+    return quantile_95(freedom) * float(np.sqrt(covariance[6, 6])) if len(covariance) > 6 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class WeakMotion:
         share: its part of the points' total variance, 0 to 1.
         turn_rad: (3,), its rotation about the image's own axes u, v and w.
         shift_mm: (3,), how it moves the points' centre, along u, v and w.
-        growth: (2,), its relative change of scale along u and along v.
+        growth: (3,), its relative change of scale along u, v and w.
         turn_rms_mm, shift_rms_mm, growth_rms_mm: what each of the three moves the points by.
         turn_deviation_rad: of the rotation about the axis of ``turn_rad``, under the whole covariance.
         shift_deviation_mm: of the points' centre along ``shift_mm``, likewise.
@@ -164,9 +164,9 @@ def weakest_motion(transform: AxisScaled, covariance: Array, points: ArrayLike) 
     shift = at_centre @ tangent
     from_centre = (x - centre) * transform.scales
     turn = transform.rotation.T @ tangent[:3]
-    growth = np.array([tangent[6], tangent[-1]])
-    grown_most = (6, -1)[int(np.argmax(np.abs(growth)))]
-    grown = from_centre * np.array([growth[0], growth[1], growth[0]])
+    growths = tangent[6:]  # none, where the scale is known
+    growth = np.resize(growths, 3) if len(growths) else np.zeros(3)
+    grown_most = 6 + int(np.argmax(np.abs(growths))) if len(growths) else None
     return WeakMotion(
         tangent=tangent,
         rms_mm=float(np.sqrt(max(values[-1], 0.0))),
@@ -176,10 +176,10 @@ def weakest_motion(transform: AxisScaled, covariance: Array, points: ArrayLike) 
         growth=growth,
         turn_rms_mm=_rms(np.cross(turn, from_centre)),
         shift_rms_mm=float(np.linalg.norm(shift)),
-        growth_rms_mm=_rms(grown),
+        growth_rms_mm=_rms(from_centre * growth),
         turn_deviation_rad=_deviation(covariance[:3, :3], tangent[:3]),
         shift_deviation_mm=_deviation(at_centre @ covariance @ at_centre.T, shift),
-        growth_deviation=float(np.sqrt(covariance[grown_most, grown_most])),
+        growth_deviation=0.0 if grown_most is None else float(np.sqrt(covariance[grown_most, grown_most])),
     )
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from sonocal.calibration import Calibration, seen_at_assumed_speed
 from sonocal.calibration.diagnostics import describe_motion
 from sonocal.calibration.lagged import lag_in_words
+from sonocal.calibration.models import model_in_words, scale_in_words
 from sonocal.errors import UnsupportedError, require
 from sonocal.findings import Diagnostic
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
-from sonocal.registration.uncertainty import scale_95, weakest_motion
+from sonocal.registration.uncertainty import weakest_motion
 from sonocal.report import figures, views3d
 from sonocal.report.page_file import page_summary
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
@@ -160,15 +161,8 @@ def _matrix_in_words(calibration: Calibration) -> list[str]:
         words.append(
             f"{name} ({meaning}) runs along the marker's {sign}{'xyz'[strongest]}, {angle:.0f}° off it."
         )
-    scales, known = transform.scales, ""
-    if calibration.covariance is not None:
-        known = f" +- {100 * scale_95(calibration.covariance, calibration.noise.freedom):.2g} % (95 %)"
-    words.append(
-        f"The scale, {scales[0]:.5f} mm/px{known}, is inside the matrix."
-        if calibration.model == "similarity"
-        else f"The scales, {scales[0]:.5f} mm/px along u and {scales[1]:.5f} along v, are inside the matrix."
-    )
-    return [*words, *filter(None, [lag_in_words(calibration)])]
+    words.append(f"Inside the matrix is the scale: {scale_in_words(calibration)}.")
+    return [*words, *map(model_in_words, calibration.models), *filter(None, [lag_in_words(calibration)])]
 
 
 def _weak_in_words(calibration: Calibration) -> str:

@@ -129,7 +129,7 @@ def _new_axis(projection: str | None) -> Axes:
 def calibration_card(calibration: Calibration) -> str:
     """The verdict with its reasons, the numbers, and the predicted error over the image."""
     verdict = give_verdict(calibration)
-    scales = calibration.probe_from_image.scales[: 1 if calibration.model == "similarity" else 2]
+    scales = calibration.scales_mm_per_px
     rows = [
         ("scale", f"{' x '.join(f'{s:.5g}' for s in scales)} mm/px"),
         ("rows that agree", f"{calibration.fit.inliers} of {calibration.fit.observations}"),

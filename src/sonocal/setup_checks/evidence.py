@@ -12,7 +12,7 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.mapped import Mapped
-from sonocal.registration.options import Model
+from sonocal.registration.options import Model, unknowns
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 
@@ -59,8 +59,8 @@ class Evidence:
 
     @property
     def parameters(self) -> int:
-        """7, or 8 for one scale along u and one along v."""
-        return 7 + (self.model == "anisotropic")
+        """As many unknowns as the model has."""
+        return unknowns(self.model, self.observations.dimension)
 
     @cached_property
     def seen_px(self) -> Array:

@@ -85,7 +85,7 @@ def find_lag(
         model: of the transform.
         least: share of the rows that must agree under the lag.
     """
-    options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
+    options = _searched_with(threshold_mm, model)
     most, step = (MOST_S, STEP_S) if rows.unit == "s" else (MOST_FRAMES, STEP_FRAMES)
     still, trials = lag_trials(rows, options, most, step)
     best = min(trials, key=lambda one: one.cost, default=still)
@@ -103,10 +103,16 @@ def rough_lag(rows: RowsInTime, threshold_mm: float, model: Model = "similarity"
         threshold_mm: rows within this distance agree.
         model: of the transform.
     """
-    options = Options(threshold_mm=threshold_mm, model=model, max_samples=FEW_SAMPLES)
+    options = _searched_with(threshold_mm, model)
     still, trials = lag_trials(rows, options, MOST_ASKED_S, STEP_S)
     best = min((still, *trials), key=lambda one: one.cost)
     return None if best.fit is None else (float(best.shifted.lag), best.fit)
+
+
+def _searched_with(threshold_mm: float, model: Model) -> Options:
+    """A search needs no known scale: with one to find, it only looks among more answers."""
+    free: Model = "similarity" if model == "rigid" else model
+    return Options(threshold_mm=threshold_mm, model=free, max_samples=FEW_SAMPLES)
 
 
 def _refined(rows: RowsInTime, best: Trial, options: Options, step: float, most: float) -> Lag | None:
@@ -180,7 +186,7 @@ def _motion(shifted: ShiftedRows, fit: Fit, unit: str, threshold_mm: float) -> M
     assert shifted.table.frame is not None
     if len(np.unique(shifted.table.frame[agree])) < FEWEST_FRAMES:
         return None
-    displaced = point_jacobian(fit.transform, shifted.table.points[agree], 7 + (fit.model == "anisotropic"))
+    displaced = point_jacobian(fit.transform, shifted.table.points[agree], len(fit.covariance))
     shares = mapped.shares[agree]
     moved = np.einsum("nk,nki->ni", shares, shifted.moved.velocities[agree])
     frame = np.unique(shifted.table.frame[agree], return_inverse=True)[1].reshape(-1).astype(np.int64)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 from sonocal.observations import Observations, group_codes
+from sonocal.observations.spanning import flat_spans
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.lines_in_time import LONGEST_S, LinesInTime, Moved
@@ -111,10 +112,15 @@ class RowsInTime:
     def shifted(self, lag: float) -> ShiftedRows:
         """The rows whose lines are known a lag later, with these."""
         moved = self.lines.at(self.track, self.time + lag)
-        known = moved.usable
+        known = moved.usable & self._spanned(moved.spanning_mm)
         spanning = np.where(known[:, None, None], moved.spanning_mm, self.table.spanning_mm)
         table = self.table.with_spanning(spanning).select(known)
         return ShiftedRows(lag, np.flatnonzero(known), table, moved.select(known))
+
+    def _spanned(self, spanning_mm: Array) -> NDArray[np.bool_]:
+        """(N,): whether what spans a target spans it still; a curve between two places may turn it inside out."""
+        lines = isinstance(self.table, PointLineRows)
+        return ~flat_spans(spanning_mm, np.full(len(self.table), 2) if lines else self.table.spans)
 
 
 def time_of(observations: Observations, rows: NDArray[np.int64]) -> tuple[Array, str]:

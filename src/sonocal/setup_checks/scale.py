@@ -70,7 +70,7 @@ def scale_doubt(
 
 
 def scale_deviation(covariance: Array | None) -> Array:
-    """(2,): standard deviations of the scales' logarithms, of a calibration's tangent; without end where unknown."""
+    """(2,): standard deviations of the scales' logarithms, of a tangent; without end where unknown, 0 where told."""
     if covariance is None:
         return np.full(2, np.inf)
     return np.asarray(np.sqrt(np.resize(np.diag(covariance)[6:], 2)))

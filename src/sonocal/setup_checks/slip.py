@@ -27,7 +27,7 @@ DRIFTING_FRAMES = 3
 # How many orders are tried before a closer look at the step, which takes as long as four: without a slip one of
 # them explains as much in two of three scans.
 FIRST_BATCH = 2
-IDENTITY = np.eye(8)
+IDENTITY = np.eye(9)
 # Of the moments of all frames in one batch of orders: what bounds the memory of long scans.
 MOST_NUMBERS = 4_000_000
 

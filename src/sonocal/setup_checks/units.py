@@ -19,7 +19,9 @@ __all__ = ["check_units"]
 def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
     """Does the scale exist, and do segments, area and marker have a size that set-ups have?"""
     rows, transform = evidence.observations, evidence.transform
-    hints = scale_hints(transform.scales[: evidence.parameters - 6], _deviation(evidence), rows.dimension)
+    hints = scale_hints(
+        transform.scales[: max(evidence.parameters - 6, 1)], _deviation(evidence), rows.dimension
+    )
     lengths = lengths_of(rows.spans, rows.segments_mm)
     hints += length_hints(rows.points_px, lengths)
     if not hints and len(rows):
@@ -47,7 +49,7 @@ def _of_one_target(evidence: Evidence) -> Array:
 
 
 def _deviation(evidence: Evidence) -> float:
-    """Of the logarithm of the scale that is known least."""
+    """Of the logarithm of the scale that is known least; 0 of one that was told."""
     if evidence.covariance is None:
         return 0.0
-    return float(np.sqrt(np.diag(evidence.covariance)[6:].max()))
+    return float(np.sqrt(np.diag(evidence.covariance)[6:].max(initial=0.0)))

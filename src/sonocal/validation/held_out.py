@@ -11,7 +11,7 @@ from sonocal.errors import DegenerateGeometryError, InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.degeneracy import FREE_INFORMATION, refuse_degenerate_lines
-from sonocal.registration.options import Options, Weighting
+from sonocal.registration.options import Options, Weighting, unknowns
 from sonocal.registration.refine import refine_point_lines
 from sonocal.validation.quantity import Quantity, rms_quantity
 
@@ -100,12 +100,13 @@ def refitted(calibration: Calibration, rows: Observations, keep: NDArray[np.bool
         InputError: fewer rows are left than there are unknowns.
         DegenerateGeometryError: they leave a motion free.
     """
-    if 2 * np.count_nonzero(keep) < 7 + (calibration.model == "anisotropic"):
+    if 2 * np.count_nonzero(keep) < unknowns(calibration.model, calibration.dimension):
         raise InputError(f"{rows.source}: {np.count_nonzero(keep)} rows are left, too few to fit")
     table = point_line_rows(rows)
     refuse_degenerate_lines(table, keep)
     weighting: Weighting = "geometric" if calibration.noise.sigma_px is None else "likelihood"
-    options = Options(model=calibration.model, weighting=weighting)
+    told = float(calibration.probe_from_image.scales[0]) if calibration.model == "rigid" else None
+    options = Options(model=calibration.model, weighting=weighting, scale_mm_per_px=told)
     fit = refine_point_lines(calibration.probe_from_image, table, keep, options)
     if not fit.least_information > FREE_INFORMATION:
         raise DegenerateGeometryError(

@@ -24,7 +24,7 @@ UNEQUAL, TURNED_DEG = 0.01, 5.0
 def sound_alone(calibration: Calibration, rows: Observations) -> Calibration | None:
     """The calibration of another scan by itself, where most of its rows agree on one; else None."""
     try:
-        own = calibrate(rows, model=calibration.model)
+        own = calibrate(rows, model="anisotropic" if calibration.model == "anisotropic" else "similarity")
     except SonocalError:
         return None
     return own if own.fit.inliers >= AGREE * own.fit.observations else None

@@ -14,6 +14,7 @@ from sonocal.errors import UnsupportedError
 from sonocal.geometry import Array, area_places
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
+from sonocal.registration.options import unknowns
 from sonocal.validation.held_out import refitted
 from sonocal.validation.quantity import Quantity
 
@@ -107,7 +108,7 @@ def _apart(
 
 
 def _parameters(calibration: Calibration) -> int:
-    return 7 + (calibration.model == "anisotropic")
+    return unknowns(calibration.model, calibration.dimension)
 
 
 def _shrinkage(half: NDArray[np.bool_], calibration: Calibration) -> float:

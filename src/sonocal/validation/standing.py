@@ -84,8 +84,9 @@ def _speed_of_sound(calibration: Calibration) -> str:
 def _size(calibration: Calibration) -> str:
     scales = calibration.probe_from_image.scales[: calibration.dimension]
     sides = (np.ptp(calibration.area_px, axis=0) + 1) * scales
-    one = calibration.model == "similarity"
-    per_px = f"{scales[0]:.4f}" if one else f"{scales[0]:.4f} (u) and {scales[1]:.4f} (v)"
+    own = calibration.scales_mm_per_px
+    along = [f"{scale:.4f} ({axis})" for scale, axis in zip(own, "uvw", strict=False)]
+    per_px = f"{own[0]:.4f}" if len(own) == 1 else " and ".join(along)
     return (
         f"Lengths are as right as the tracker's and the needle's: {per_px} mm/px make the {calibration.area_name} "
         f"{' x '.join(f'{side:.0f}' for side in sides)} mm; compare with the depth and the ruler on the scanner."

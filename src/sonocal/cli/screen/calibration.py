@@ -11,12 +11,12 @@ from rich.text import Text
 
 from sonocal.calibration import Calibration, ErrorStatistics, point_line_rows
 from sonocal.calibration.lagged import lag_in_words
+from sonocal.calibration.models import model_in_words, scale_in_words
 from sonocal.cli.screen.parts import print_findings, standing, verdict_text
 from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.geometry import similarity_errors
 from sonocal.observations import Observations
 from sonocal.registration.degeneracy import direction_spread
-from sonocal.registration.uncertainty import scale_95
 from sonocal.simulation.scene import SimulatedSightings
 from sonocal.validation import give_verdict
 
@@ -34,6 +34,8 @@ def print_calibration(console: Console, calibration: Calibration) -> None:
     if calibration.covariance is not None:
         console.print(_prediction_table(calibration))
     console.print(_matrix(calibration))
+    for tested in calibration.models:
+        console.print(model_in_words(tested))
     if lag := lag_in_words(calibration):
         console.print(lag)
     console.print(standing(calibration))
@@ -152,18 +154,11 @@ def _matrix(calibration: Calibration) -> RenderableType:
     title = Text(
         "probe_from_image (PLUS: ImageToProbe): mm in the probe marker's frame from px", style="bold"
     )
-    scales = transform.scales
-    if calibration.model == "similarity":
-        scale = f"{scales[0]:.5f} mm/px"
-        if calibration.covariance is not None:
-            known = scale_95(calibration.covariance, calibration.noise.freedom)
-            scale += f" +- {100 * known:.2g} % (95 %)"
-    else:
-        scale = f"{scales[0]:.5f} mm/px along u, {scales[1]:.5f} mm/px along v"
     return Group(
         title,
         MatrixRows(transform.matrix),
         Text(
-            f"Scale: {scale}; the scale is inside the matrix, and the origin is the centre of the first pixel."
+            f"Scale: {scale_in_words(calibration)}; the scale is inside the matrix, and the origin is the centre of "
+            "the first pixel."
         ),
     )
