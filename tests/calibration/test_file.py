@@ -181,6 +181,17 @@ def test_a_provenance_of_another_shape_is_a_damaged_file(kept):
         parse_calibration(json.dumps(record).encode(), "c.json")
 
 
+@pytest.mark.parametrize("part", ["fit", "test"])
+@pytest.mark.parametrize(
+    ("name", "value"), [("inliers", -1), ("inliers", 10**6), ("rms_mm", -1.0), ("max_mm", 1e200)]
+)
+def test_errors_that_no_rows_have_are_a_damaged_file(part, name, value):
+    record = json.loads(OLD.read_text())
+    record[part] = record["fit"] | {name: value}
+    with pytest.raises(sc.FormatError, match=rf"is a damaged calibration file \({part} has "):
+        parse_calibration(json.dumps(record).encode(), "c.json")
+
+
 def test_a_place_that_no_room_has_is_a_damaged_file():
     record = json.loads(OLD.read_text())
     record["probe_from_image"][0][3] = 1e200

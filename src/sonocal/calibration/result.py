@@ -340,6 +340,8 @@ def _from_record(record: Record) -> Calibration:
         raise ValueError("covariance is none: it is not finite, not symmetric, or of less than nothing")
     if not 0 <= record.sigma.freedom <= MOST_FREEDOM:
         raise ValueError(f"sigma.freedom is {record.sigma.freedom} and not from 0 to {MOST_FREEDOM}")
+    for name, errors in (("fit", record.fit), ("test", record.test)):
+        _check_errors(name, errors)
     residuals, inlier = np.array(record.residuals_mm), np.array(record.inlier, dtype=bool)
     if residuals.shape != inlier.shape:
         raise ValueError(f"residuals_mm has {len(residuals)} entries and inlier {len(inlier)}")
@@ -376,6 +378,17 @@ def _from_record(record: Record) -> Calibration:
         _certificate=LazyCertificate.known(record.certificate),
         _models=found(tuple(record.models)),
     )
+
+
+def _check_errors(name: str, errors: ErrorStatistics | None) -> None:
+    """Refuse counts that no rows have, and sizes that no errors have."""
+    if errors is None:
+        return
+    if not 0 <= errors.inliers <= errors.observations:
+        raise ValueError(f"{name} has {errors.inliers} inliers of {errors.observations} observations")
+    sizes = (errors.rms_mm, errors.median_mm, errors.p95_mm, errors.max_mm)
+    if not all(0 <= size < FURTHEST for size in sizes):
+        raise ValueError(f"{name} has an error that is not from 0 to {FURTHEST:g} mm")
 
 
 def _corners(name: str, given: list[list[float]], dimensions: tuple[int, ...]) -> Array:
