@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from debian import unpacked
 from headers import import_libraries, include_folder
 from macos import linker_variables
 from targets import FLOOR, STABLE, TARGETS, Target
@@ -24,12 +25,12 @@ def source() -> Path:
     shutil.rmtree(folder, ignore_errors=True)
     run([tools(), "-m", "build", "--sdist", "--no-isolation", "--outdir", folder, ROOT])
     (archive,) = folder.glob("*.tar.gz")
-    unpacked = WORK / "source"
-    shutil.rmtree(unpacked, ignore_errors=True)
+    sources = WORK / "source"
+    shutil.rmtree(sources, ignore_errors=True)
     shutil.unpack_archive(archive, folder)
     # The same place for every version, and the files' own times: what did not change is not compiled again.
-    (folder / archive.name.removesuffix(".tar.gz")).rename(unpacked)
-    return unpacked
+    (folder / archive.name.removesuffix(".tar.gz")).rename(sources)
+    return sources
 
 
 def environment(name: str, target: Target, version: Version) -> Mapping[str, str]:
@@ -79,8 +80,15 @@ def build(name: str, version: Version, sources: Path, out: Path) -> Path:
     log = WORK / "logs" / f"{name}-{version[1]}.txt"
     run([*command, "--wheel-dir", folder, *options], environment(name, target, version), log=log)
     (wheel,) = folder.glob("*.whl")
+    run([*_packer(), "--recompress", "--shrink-extra", "--quiet", wheel])
     out.mkdir(exist_ok=True)
     return Path(shutil.copy2(wheel, out))
+
+
+def _packer() -> list[str]:
+    """What packs an archive 3 % tighter than Python does."""
+    found = shutil.which("advzip")
+    return [found] if found else unpacked("trixie", "amd64", "advancecomp").command("usr/bin/advzip")
 
 
 def main() -> None:

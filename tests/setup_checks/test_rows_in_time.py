@@ -29,7 +29,7 @@ def test_a_plane_that_is_turned_inside_out_on_its_way_is_none_in_between():
 
 
 def test_a_plane_that_moves_along_is_where_it_was_in_between():
-    rows = planes_in_time(*(CORNERS + [0.0, 0.0, 4.0 * z] for z in range(6)))
+    rows = planes_in_time(*(CORNERS + np.array([0.0, 0.0, 4.0 * z]) for z in range(6)))
     shifted = RowsInTime.of(rows, table_of(rows)).shifted(0.5)
     np.testing.assert_array_equal(shifted.rows, range(5))
     np.testing.assert_allclose(shifted.table.spanning_mm[2, :, 2], 10.0, atol=1e-9)
