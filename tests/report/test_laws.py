@@ -12,6 +12,7 @@ from rich.console import Console
 import sonocal as sc
 from sonocal.calibration import calibration_json, parse_calibration
 from sonocal.cli.screen.calibration import print_calibration
+from sonocal.registration.lazy import Lazy
 from sonocal.registration.uncertainty import quantile_95
 from sonocal.report import plot_residuals_by_frame, plot_residuals_over_image, plot_tilts, report_html
 from sonocal.report.templates import EXPLAINED
@@ -130,7 +131,12 @@ def test_the_scale_has_one_uncertainty_wherever_it_is_told(needles):
     transform = found.probe_from_image
     centre = (transform @ [[250.0, 250.0]])[0] - transform.translation
     growth = np.r_[0, 0, 0, -0.03 * centre, 0.03]
-    loose = dataclasses.replace(found, covariance=np.outer(growth, growth) + 1e-6 * np.eye(7), diagnostics=())
+    loose = dataclasses.replace(
+        found,
+        covariance=np.outer(growth, growth) + 1e-6 * np.eye(7),
+        diagnostics=(),
+        _models=Lazy(tuple),  # which tell how far axes are apart, another number
+    )
     text = page(loose)
     screen = io.StringIO()
     print_calibration(Console(file=screen, width=200), loose)
