@@ -8,6 +8,7 @@
 
 #include "sonocal/estimate/likelihood.hpp"
 #include "sonocal/estimate/mixed_estimate.hpp"
+#include "sonocal/estimate/quaternion_minors.hpp"
 #include "sonocal/estimate/rotation_scale_cost.hpp"
 #include "sonocal/linalg/semidefinite.hpp"
 #include "sonocal/solvers/three_quadrics.hpp"
@@ -85,14 +86,6 @@ bool near(const Transform& a, const Transform& b) {
 
 double least_of(const SmallMatrix& form) { return symmetric_eigenvalues(form)[0]; }
 
-// A symmetric matrix of which entry `which` of the upper triangle is 1.
-Matrix3d symmetric_unit(int which) {
-  constexpr int kRow[] = {0, 1, 2, 0, 0, 1}, kColumn[] = {0, 1, 2, 1, 2, 2};
-  Matrix3d out = Matrix3d::Zero();
-  out(kRow[which], kColumn[which]) = out(kColumn[which], kRow[which]) = 1;
-  return out;
-}
-
 // A 2D image says nothing of the third column, so that (c1, c2, -c3, -s) costs the same and solves the same
 // equations: the multipliers' part by (c3, s) stands apart. It is positive where a symmetric M is, which S S'
 // = s^2 I (by -M), c1 x c2 = s c3 (by -2 M e3) and the lengths of c1 and c2 are then taken by; of (c1, c2):
@@ -115,45 +108,6 @@ Pencil<3, 6>::Moves moves_of_third_column() {
   return out;
 }
 
-// W = q q' of the quaternion with S = s R(q), s = |q|^2: four times its entry as a form of (c1, c2, c3, s).
-using Form = Eigen::Matrix<double, 10, 1>;
-Form quaternion_entry(int i, int j) {
-  Form out = Form::Zero();
-  const auto add = [&](int row, int column, double by) { out[3 * column + row] += by; };
-  if (i > j) std::swap(i, j);
-  if (i == j) {
-    out[9] = 1;
-    for (int k = 0; k < 3; ++k) add(k, k, i == 0 || k == i - 1 ? 1 : -1);
-  } else if (i == 0) {
-    add((j + 1) % 3, j % 3, 1);  // S21 - S12 and so on round
-    add(j % 3, (j + 1) % 3, -1);
-  } else {
-    add(i - 1, j - 1, 1);
-    add(j - 1, i - 1, 1);
-  }
-  return out;
-}
-
-// Of the 2 x 2 minors of W, which vanish, those without a slope at the answer: their multipliers are free.
-// The three of two rows and the two others add up to nothing, so that one is left out.
-constexpr int kFreeMinors = 14;
-Pencil<10, kFreeMinors>::Moves free_minors() {
-  constexpr int kFirst[] = {0, 0, 0, 1, 1, 2}, kSecond[] = {1, 2, 3, 2, 3, 3};
-  Pencil<10, kFreeMinors>::Moves out;
-  int count = 0;
-  for (int a = 0; a < 6; ++a)
-    for (int b = std::max(a, 3); b < 6; ++b) {
-      if (a == 2 && b == 3) continue;
-      const Form w = quaternion_entry(kFirst[a], kFirst[b]), x = quaternion_entry(kSecond[a], kSecond[b]),
-                 y = quaternion_entry(kFirst[a], kSecond[b]), z = quaternion_entry(kSecond[a], kFirst[b]);
-      for (int k = 0; k < 10; ++k)
-        for (int l = 0; l < 10; ++l)
-          out[count](l, k) = 0.25 * (w[l] * x[k] + x[l] * w[k] - y[l] * z[k] - z[l] * y[k]);
-      ++count;
-    }
-  return out;
-}
-
 Certificate of_two_columns(const NormalEquations& equations, const Transform& at, Model model,
                            bool scale_known) {
   const AtAnswer<2> answer(equations, at, model, scale_known);
@@ -164,8 +118,13 @@ Certificate of_two_columns(const NormalEquations& equations, const Transform& at
   const Pencil<6, 6>::Square plain = answer.less(multipliers);
   const double least = least_of(SmallMatrix(plain));
   if (least > zero) return Certificate::kOptimal;
-  // Of two scales only the angle between the columns is asked for; and a known one has no other multipliers.
-  if (several_scales(model) || scale_known) return judged({least, true}, zero);
+  // Of two scales only the angle between the columns is asked for.
+  if (several_scales(model)) return judged({least, true}, zero);
+  if (scale_known) {
+    AtAnswer<3>::Square with_third = AtAnswer<3>::Square::Zero();
+    with_third.topLeftCorner<6, 6>() = plain;
+    return judged(least_of_rotations(with_third, zero), zero);
+  }
   static const Pencil<6, 6>::Moves by_columns = moves_of_two_columns();
   static const Pencil<3, 6>::Moves by_third = moves_of_third_column();
   const Pencil<6, 6> columns{plain, by_columns};
@@ -183,11 +142,8 @@ Certificate of_three_columns(const NormalEquations& equations, const Transform& 
   const AtAnswer<3>::Square plain = answer.less(multipliers);
   const double least = least_of(SmallMatrix(plain));
   if (least > zero) return Certificate::kOptimal;
-  if (several_scales(model) || scale_known) return judged({least, true}, zero);
-  static const Pencil<10, kFreeMinors>::Moves moves = free_minors();
-  Pencil<10, kFreeMinors> pencil{Pencil<10, kFreeMinors>::Square::Zero(), moves};
-  pencil.start.topLeftCorner<9, 9>() = plain;
-  return judged(greatest_least_eigenvalue<kFreeMinors>(zero, pencil), zero);
+  if (several_scales(model)) return judged({least, true}, zero);
+  return judged(scale_known ? least_of_rotations(plain, zero) : least_of_similarities(plain, zero), zero);
 }
 
 // Coordinates of order one: x = (point - from) / from_size, y likewise.

@@ -58,5 +58,6 @@ template class Ldlt<8>;
 template class Ldlt<9>;
 template class Ldlt<10>;
 template class Ldlt<14>;
+template class Ldlt<20>;
 
 }  // namespace sonocal

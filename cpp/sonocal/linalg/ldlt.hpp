@@ -50,5 +50,6 @@ extern template class Ldlt<8>;
 extern template class Ldlt<9>;
 extern template class Ldlt<10>;
 extern template class Ldlt<14>;
+extern template class Ldlt<20>;
 
 }  // namespace sonocal

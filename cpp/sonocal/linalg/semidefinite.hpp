@@ -12,6 +12,16 @@
 
 namespace sonocal {
 
+// -log det of matrices K, and what is known of P = K^-1: its trace, and how that falls along each move.
+template <int kMoves>
+struct Barrier {
+  Eigen::Matrix<double, kMoves, 1> gradient = Eigen::Matrix<double, kMoves, 1>::Zero();
+  Eigen::Matrix<double, kMoves, kMoves> hessian = Eigen::Matrix<double, kMoves, kMoves>::Zero();
+  Eigen::Matrix<double, kMoves, 1> trace_slope = Eigen::Matrix<double, kMoves, 1>::Zero();
+  double trace = 0;
+  int size = 0;
+};
+
 // start + sum_i x_i moves[i], all symmetric.
 template <int kSize, int kMoves>
 struct Pencil {
@@ -32,55 +42,61 @@ struct Pencil {
   double least(const Eigen::Matrix<double, kMoves, 1>& x) const {
     return symmetric_eigenvalues(SmallMatrix(at(x)))[0];
   }
-  // Adds the gradient and the Hessian of -log det(at(x) + lift I).
-  void add_barrier(const Eigen::Matrix<double, kMoves, 1>& x, double lift,
-                   Eigen::Matrix<double, kMoves, 1>& gradient,
-                   Eigen::Matrix<double, kMoves, kMoves>& hessian) const {
+  // Adds those of -log det(at(x) + lift I).
+  void add_barrier(const Eigen::Matrix<double, kMoves, 1>& x, double lift, Barrier<kMoves>& to) const {
     Square one = Square::Zero();
     for (int k = 0; k < kSize; ++k) one(k, k) = 1;
     const Square inverse = Ldlt<kSize>(at(x, lift)).solve(one);
+    const auto trace_of_product = [](const Square& a, const Square& b) {
+      double sum = 0;
+      for (int c = 0; c < kSize; ++c)
+        for (int r = 0; r < kSize; ++r) sum += a(r, c) * b(c, r);
+      return sum;
+    };
+    for (int k = 0; k < kSize; ++k) to.trace += inverse(k, k);
+    to.size += kSize;
     Moves turned;
     for (int i = 0; i < kMoves; ++i) {
       turned[i] = product(inverse, moves[i]);
-      for (int k = 0; k < kSize; ++k) gradient[i] -= turned[i](k, k);
+      for (int k = 0; k < kSize; ++k) to.gradient[i] -= turned[i](k, k);
+      to.trace_slope[i] += trace_of_product(turned[i], inverse);
       for (int j = 0; j <= i; ++j) {
-        double sum = 0;
-        for (int c = 0; c < kSize; ++c)
-          for (int r = 0; r < kSize; ++r) sum += turned[i](r, c) * turned[j](c, r);
-        hessian(i, j) += sum;
-        if (j < i) hessian(j, i) += sum;
+        const double sum = trace_of_product(turned[i], turned[j]);
+        to.hessian(i, j) += sum;
+        if (j < i) to.hessian(j, i) += sum;
       }
     }
   }
 };
 
 // The greatest of all least eigenvalues of pencils that share their numbers, to within `tolerance`: found is
-// the greatest that was reached, and it ends early beyond the tolerance. Negative and not `settled`: not
-// found in the steps there are.
+// the greatest that was reached, and it ends early where that is beyond the tolerance, or where none is above
+// -tolerance. Negative and not `settled`: not found in the steps there are.
 struct LeastEigenvalue {
   double found;
   bool settled;
 };
 
-// Centres of -log det(K(x) + lift I), each from the last one with a smaller lift. Source: Boyd and
-// Vandenberghe, Convex Optimization, 2004, 11.3 and 11.4 (phase I).
+// Centres of -log det(K(x) + lift I), each from the last one with a smaller lift. Near one, P of K + lift I
+// and the Newton step D of K give X = P - P D P >= 0, orthogonal to every move: no K has a least eigenvalue
+// above <X, K> / tr X. Source: Boyd and Vandenberghe, Convex Optimization, 2004, 11.3 and 11.4 (phase I).
 template <int kMoves, class... Pencils>
 LeastEigenvalue greatest_least_eigenvalue(double tolerance, const Pencils&... pencils) {
   constexpr int kMostSteps = 80;
   constexpr double kCentred = 0.7, kFullStep = 0.25, kShrink = 0.25, kWider = 1e-2;
   using Vector = Eigen::Matrix<double, kMoves, 1>;
-  using Square = Eigen::Matrix<double, kMoves, kMoves>;
   const auto least = [&](const Vector& x) { return std::min({pencils.least(x)...}); };
   Vector x = Vector::Zero();
   double reached = least(x), lift = std::max(-2 * reached, tolerance / kWider);
   for (int step = 0; step < kMostSteps && !(reached > tolerance); ++step) {
-    Vector gradient = Vector::Zero();
-    Square hessian = Square::Zero();
-    (pencils.add_barrier(x, lift, gradient, hessian), ...);
-    hessian.diagonal().array() += 1e-14 * hessian.trace();
-    const Vector newton = -Ldlt<kMoves>(hessian).solve(gradient);
-    const double decrement = std::sqrt(std::max(-gradient.dot(newton), 0.0));
+    Barrier<kMoves> barrier;
+    (pencils.add_barrier(x, lift, barrier), ...);
+    barrier.hessian.diagonal().array() += 1e-14 * barrier.hessian.trace();
+    const Vector newton = -Ldlt<kMoves>(barrier.hessian).solve(barrier.gradient);
+    const double square = std::max(-barrier.gradient.dot(newton), 0.0), decrement = std::sqrt(square);
     if (!std::isfinite(decrement)) break;
+    const double trace = barrier.trace - barrier.trace_slope.dot(newton);
+    if (decrement < kCentred && (barrier.size - square) / trace - lift < -tolerance) return {reached, true};
     x += newton / (decrement < kFullStep ? 1.0 : 1.0 + decrement);
     if (decrement > kCentred) continue;
     reached = least(x);
