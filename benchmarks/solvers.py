@@ -99,6 +99,21 @@ def seven_rows(p: Problems) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(np.repeat(p.points, 2, axis=1)[:, :7]), np.ascontiguousarray(planes[:, :7])
 
 
+def six_rows(p: Problems) -> tuple[np.ndarray, np.ndarray]:
+    points, planes = seven_rows(p)
+    return np.ascontiguousarray(points[:, :6]), np.ascontiguousarray(planes[:, :6])
+
+
+def flat_rows(p: Problems) -> tuple[np.ndarray, np.ndarray]:
+    points, planes = seven_rows(p)
+    return np.ascontiguousarray(points[..., :2]), planes
+
+
+def at_scale(p: Problems) -> Callable[[], np.ndarray]:
+    points, planes = six_rows(p)
+    return lambda: solvers.three_quadrics(points, planes, scale=SCALE).matrices
+
+
 def ours() -> list[Solver]:
     return [
         Solver("four_points", True, lambda p: prepared(solvers.four_points, plane(p), p.segments)),
@@ -107,7 +122,9 @@ def ours() -> list[Solver]:
             True,
             lambda p: prepared(solvers.four_points, plane(p), p.segments, steps=2),
         ),
+        Solver("two_conics", True, lambda p: prepared(solvers.two_conics, *flat_rows(p))),
         Solver("three_quadrics", True, lambda p: prepared(solvers.three_quadrics, *seven_rows(p))),
+        Solver("three_quadrics, scale known", True, at_scale),
         Solver(
             "paper_four_points",
             True,
@@ -117,6 +134,7 @@ def ours() -> list[Solver]:
         Solver("two_lines", False, lambda p: prepared(solvers.two_lines, *lines(p))),
         Solver("two_lines, steps=2", False, lambda p: prepared(solvers.two_lines, *lines(p), steps=2)),
         Solver("three_quadrics", False, lambda p: prepared(solvers.three_quadrics, *seven_rows(p))),
+        Solver("three_quadrics, scale known", False, at_scale),
         Solver(
             "paper_two_lines", False, lambda p: prepared(solvers.paper_two_lines, p.points, p.segments), 2000
         ),

@@ -125,6 +125,13 @@ def point_plane(scene: Scene, count: int) -> tuple[Array, Array]:
     return scene.source(points), scene.target(scene.on_planes(near, normals))
 
 
+def image_point_plane(scene: Scene, count: int) -> tuple[Array, Array]:
+    """Points of an image, and planes that were touched near them."""
+    points, normals = scene.places(count) * [1, 1, 0], scene.directions(count)
+    near = scene.on_planes(points, normals)[:, 0]
+    return scene.source(points) * [1, 1, 0], scene.target(scene.on_planes(near, normals))
+
+
 def point_line(scene: Scene, count: int) -> tuple[Array, Array]:
     """Points of a volume on lines."""
     points = scene.places(count)
@@ -186,6 +193,7 @@ KINDS: dict[str, Callable[[Scene, int], tuple[Array, Array]]] = {
     one.__name__: one
     for one in (
         point_plane,
+        image_point_plane,
         point_line,
         image_point_line,
         point_point,

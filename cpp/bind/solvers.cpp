@@ -12,7 +12,9 @@
 #include "sonocal/solvers/gauss_newton.hpp"
 #include "sonocal/solvers/linear.hpp"
 #include "sonocal/solvers/paper.hpp"
+#include "sonocal/solvers/three_points.hpp"
 #include "sonocal/solvers/three_quadrics.hpp"
+#include "sonocal/solvers/two_conics.hpp"
 #include "sonocal/solvers/two_lines.hpp"
 
 using namespace nb::literals;
@@ -140,20 +142,56 @@ Solved two_lines_arrays(Array image, Array needles, int steps, double scale, int
   });
 }
 
+// Refines on all of the rows that were given.
+template <int kMost>
+void refine_rows(const Refining& o, const double* points, const double* planes, std::size_t size, int rows,
+                 BatchOut out) {
+  if (o.steps == 0) return;
+  refine_batch<kMost>(size, o.threads, rows, o.steps, o.scale, out, [&](std::size_t b, PointOnPlane* to) {
+    for (int i = 0; i < rows; ++i) to[i] = read_row(points, planes, b * rows + i);
+  });
+}
+
+// How many rows each problem has, at least `fewest`.
+int rows_of(const Array& points, const Array& planes, const Leading& leading, int fewest) {
+  const auto rows = static_cast<int>(points.shape(leading.axes));
+  if (rows < fewest || static_cast<int>(planes.shape(leading.axes)) != rows)
+    throw nb::value_error(kOtherShapes);
+  return rows;
+}
+
 Solved three_quadrics_arrays(Array points, Array planes, int steps, double scale, int threads) {
   const Refining o(steps, scale, threads);
   const Leading leading(points, {0, 3});
   leading.must_equal(Leading(planes, {0, 4}));
-  const auto rows = static_cast<int>(points.shape(leading.axes));
-  if (rows < 7 || static_cast<int>(planes.shape(leading.axes)) != rows) throw nb::value_error(kOtherShapes);
+  const int rows = rows_of(points, planes, leading, scale > 0 ? 6 : 7);
   const double *x = points.data(), *p = planes.data();
   return solve_batch(leading, 8, [&](BatchOut out) {
-    three_quadrics_batch(x, p, leading.size, rows, o.policy(), o.threads, out);
-    if (o.steps > 0)
-      refine_batch<8>(leading.size, o.threads, rows, o.steps, o.scale, out,
-                      [&](std::size_t b, PointOnPlane* to) {
-                        for (int i = 0; i < rows; ++i) to[i] = read_row(x, p, b * rows + i);
-                      });
+    three_quadrics_batch(x, p, leading.size, rows, o.scale, o.policy(), o.threads, out);
+    refine_rows<8>(o, x, p, leading.size, rows, out);
+  });
+}
+
+Solved three_points_arrays(Array points, Array places, double scale, int threads) {
+  const Refining o(0, scale, threads);
+  const Leading leading(points, {3, 3});
+  leading.must_equal(Leading(places, {3, 3}));
+  return solve_batch(leading, 1, [&](BatchOut out) {
+    three_points_batch(points.data(), places.data(), leading.size, o.scale, o.threads, out);
+  });
+}
+
+Solved two_conics_arrays(Array points, Array planes, int steps, double scale, int threads) {
+  const Refining o(steps, scale, threads);
+  const Leading leading(points, {0, 3});
+  leading.must_equal(Leading(planes, {0, 4}));
+  const int rows = rows_of(points, planes, leading, 7);
+  const double *x = points.data(), *p = planes.data();
+  for (std::size_t i = 0; i < leading.size * rows; ++i)
+    require(!(x[3 * i + 2] != 0), "a point of an image has no third coordinate");
+  return solve_batch(leading, 4, [&](BatchOut out) {
+    two_conics_batch(x, p, leading.size, rows, o.policy(), o.threads, out);
+    refine_rows<4>(o, x, p, leading.size, rows, out);
   });
 }
 
@@ -226,6 +264,10 @@ void bind_solvers(nb::module_& m) {
   m.def("two_lines", &two_lines_arrays, "image_segments"_a.noconvert(), "needle_segments"_a.noconvert(),
         "steps"_a, "scale"_a, "threads"_a);
   m.def("three_quadrics", &three_quadrics_arrays, "points"_a.noconvert(), "planes"_a.noconvert(), "steps"_a,
+        "scale"_a, "threads"_a);
+  m.def("three_points", &three_points_arrays, "points"_a.noconvert(), "places"_a.noconvert(), "scale"_a,
+        "threads"_a);
+  m.def("two_conics", &two_conics_arrays, "points"_a.noconvert(), "planes"_a.noconvert(), "steps"_a,
         "scale"_a, "threads"_a);
   m.def("paper_two_lines", &paper_two_lines_arrays, "points"_a.noconvert(), "segments"_a.noconvert(),
         "threads"_a);

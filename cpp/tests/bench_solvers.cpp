@@ -55,9 +55,9 @@ int main() {
     }
   }
   measure("three_quadrics, batch", kSize,
-          [&] { three_quadrics_batch(x.data(), planes.data(), kSize, 7, NoRealRoot::kNothing, 1, out); });
+          [&] { three_quadrics_batch(x.data(), planes.data(), kSize, 7, 0, NoRealRoot::kNothing, 1, out); });
   measure("three_quadrics, one by one", kSize, [&] {
     for (int b = 0; b < kSize; ++b)
-      three_quadrics_batch(&x[b * 21], &planes[b * 28], 1, 7, NoRealRoot::kNothing, 1, out);
+      three_quadrics_batch(&x[b * 21], &planes[b * 28], 1, 7, 0, NoRealRoot::kNothing, 1, out);
   });
 }

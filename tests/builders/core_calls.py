@@ -40,9 +40,17 @@ def threads(h: Hostile) -> Any:
 
 def mixed(h: Hostile, name: str, *settings: Any) -> Any:
     lead, rows = h.batch(), h.pick([0, 6, 7, 8, 12, 13, 20])
-    points = h.random.uniform(0, 500, (*lead, rows, 3))
+    points = h.random.uniform(0, 500, (*lead, rows, 3)) * [1, 1, name != "two_conics" or h.spoils()]
     planes = h.random.normal(size=(*lead, rows, 4))
     return getattr(h.core, name)(h.array(points), h.array(planes), *settings)
+
+
+def pairs(h: Hostile, *settings: Any) -> Any:
+    lead = h.batch()
+    sides = (
+        h.random.uniform(-500, 500, (*lead, 3, 3)) * h.pick([1.0, 1.0, 0.0, 1e-30, 1e50]) for _ in range(2)
+    )
+    return h.core.three_points(*map(h.array, sides), *settings)
 
 
 def estimate(h: Hostile) -> Any:
@@ -181,6 +189,8 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
     "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
     "three_quadrics": lambda h: mixed(h, "three_quadrics", *steps(h)),
+    "three_points": lambda h: pairs(h, h.number(h.pick([0.0, 0.24])), threads(h)),
+    "two_conics": lambda h: mixed(h, "two_conics", *steps(h)),
     "paper_two_lines": lambda h: minimal(h, "paper_two_lines", 4, 3, threads(h)),
     "paper_four_points": lambda h: minimal(h, "paper_four_points", 4, 2, threads(h)),
     "linear": lambda h: mixed(h, "linear", h.pick([True, False]), threads(h)),

@@ -18,11 +18,16 @@ class Problem:
     segments: np.ndarray
     truth: np.ndarray
 
-    def rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Seven of the eight point-plane rows."""
+    def rows(self, count: int = 7) -> tuple[np.ndarray, np.ndarray]:
+        """So many of the eight point-plane rows."""
         planes = constraints.planes_of_lines(self.segments).reshape(-1, 8, 4)
         points = np.repeat(self.points, 2, axis=1)
-        return np.ascontiguousarray(points[:, :7]), np.ascontiguousarray(planes[:, :7])
+        return np.ascontiguousarray(points[:, :count]), np.ascontiguousarray(planes[:, :count])
+
+    @property
+    def scale(self) -> float:
+        """Of all problems, mm per px."""
+        return float(np.cbrt(np.linalg.det(self.truth[0, :3, :3]))) if len(self.truth) else 1.0
 
     def moved(self, mover: np.ndarray) -> "Problem":
         """The target side carried by a 4 x 4 similarity."""
@@ -47,6 +52,15 @@ def plane_of(problem: Problem) -> np.ndarray:
     return np.ascontiguousarray(problem.points[..., :2])
 
 
+def flat_rows(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    points, planes = problem.rows()
+    return np.ascontiguousarray(points[..., :2]), planes
+
+
+def at_scale(problem: Problem) -> solvers.Solutions:
+    return solvers.three_quadrics(*problem.rows(6), scale=problem.scale)
+
+
 ALL = [
     Solver("four_points", True, lambda p: solvers.four_points(plane_of(p), p.segments)),
     Solver("four_points, refined", True, lambda p: solvers.four_points(plane_of(p), p.segments, steps=3)),
@@ -54,6 +68,10 @@ ALL = [
     Solver("two_lines, refined", False, lambda p: solvers.two_lines(*lines_of(p), steps=2)),
     Solver("three_quadrics, planar", True, lambda p: solvers.three_quadrics(*p.rows())),
     Solver("three_quadrics, lines", False, lambda p: solvers.three_quadrics(*p.rows())),
+    Solver("two_conics", True, lambda p: solvers.two_conics(*flat_rows(p))),
+    Solver("two_conics, refined", True, lambda p: solvers.two_conics(*flat_rows(p), steps=3)),
+    Solver("six rows, planar", True, at_scale),
+    Solver("six rows, lines", False, at_scale),
 ]
 
 

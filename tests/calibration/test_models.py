@@ -110,7 +110,9 @@ def test_a_wrong_scale_is_told_and_never_ends_in_use_it(dimension, off):
         (finding,) = (one for one in found.warnings if one.code == "known-scale-disagrees")
         assert f"{SCALE * (1 + off):.5f} were given" in finding.message
         own = float(finding.message.split("they have ")[1].split(" mm/px")[0])
-        assert own == pytest.approx(SCALE, rel=0.02)
+        # Of rows that agree with a scale far off a third is left, which hold their own as loosely as is told.
+        sure = 0.01 * float(finding.message.split("(+-")[1].split(" %")[0])
+        assert own == pytest.approx(SCALE, rel=max(0.02, sure))
         assert give_verdict(found).level != "use"
         assert give_verdict(found).level == "stop" or abs(off) < 0.2
 

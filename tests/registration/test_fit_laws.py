@@ -243,3 +243,35 @@ def test_lines_in_all_directions_and_volumes_have_no_mirrored_answer(seed):
     for dimension in (2, 3):
         rows, _ = scene_rows(seed, dimension, 40)
         assert best_fit(rows, Options())[1] is None
+
+
+@pytest.mark.parametrize("count", [7, 8, 9])
+def test_a_threshold_from_the_noise_keeps_few_sound_rows(count):
+    """Those of a sample fit their own answer: they say nothing of the noise."""
+    kept = []
+    for seed in range(40):
+        rows, truth = scene_rows(seed, 2, count)
+        options = Options(weighting="geometric", threshold_mm="auto")
+        found = fit_point_lines(rows, options)
+        everything = refine_point_lines(truth, rows, None, options)
+        noise_mm = np.sqrt(everything.squares_mm2 / (2 * count - 7))
+        assert 0.3 * noise_mm < found.threshold_mm < 30 * noise_mm
+        kept.append(np.mean(found.inlier))
+    assert np.mean(kept) > 0.85
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_consensus_under_a_known_scale_is_as_right_as_without(dimension):
+    free = known = samples = more_samples = 0
+    for seed in range(40):
+        rows, truth = scene_rows(seed, dimension, 40, outlier_share=0.55)
+        for scale in (None, float(truth.scale)):
+            told = {} if scale is None else {"model": "rigid", "scale_mm_per_px": scale}
+            fit = fit_point_lines(rows, Options.of(weighting="geometric", **told))
+            right = np.linalg.norm(fit.transform @ CORNERS - truth @ CORNERS, axis=1).max() < 10.0
+            if scale is None:
+                free, more_samples = free + right, more_samples + fit.samples
+            else:
+                known, samples = known + right, samples + fit.samples
+    assert known >= free >= 36
+    assert samples < (0.7 if dimension == 2 else 1.1) * more_samples

@@ -26,9 +26,9 @@ class Estimator {
         options_(options),
         limit_(options.threshold * options.threshold),
         rows_(all),
-        samples_(rows_, options.weights, options.fixed_scale > 0),
         scaled_limit_(limit_ / (rows_.size() * rows_.size())),
-        scale_(options.fixed_scale * rows_.source_size() / rows_.size()) {}
+        scale_(options.fixed_scale * rows_.source_size() / rows_.size()),
+        samples_(rows_, options.weights, scale_) {}
 
   int units() const { return rows_.units(); }
   int sample_size() const { return 1; }  // what holds seven motions differs from sample to sample
@@ -36,7 +36,7 @@ class Estimator {
   void draw(Random& random, Sample&) { samples_.draw(random); }
   int solve(const Sample&, Random&, Models& out) {
     const int count = samples_.solve(out);
-    return scale_ > 0 ? refine_on_sample(out.data(), count) : count;
+    return scale_ == 0 || samples_.at_scale() ? count : refine_on_sample(out.data(), count);
   }
 
   double score(const Transform& a, double enough) {
@@ -51,7 +51,7 @@ class Estimator {
   // A solution leaves some of its sample's rows out: first it is fitted to them all.
   bool improve(Transform& a, double& score) {
     Transform next = a;
-    if (scale_ == 0 && refine_on_sample(&next, 1) == 1) keep_better(next, a, score);
+    if (refine_on_sample(&next, 1) == 1) keep_better(next, a, score);
     return optimise(a, score, kLocalRounds, kLocalSteps, kLittle);
   }
 
@@ -160,8 +160,8 @@ class Estimator {
   const CorrespondenceOptions& options_;
   const double limit_;
   UnitRows rows_;
-  MixedSamples samples_;
   const double scaled_limit_, scale_;  // of the rows' coordinates
+  MixedSamples samples_;
   UnitRows::Column squares_;
 };
 

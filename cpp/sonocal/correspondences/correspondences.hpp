@@ -34,7 +34,8 @@ struct CorrespondenceEstimate {
 };
 
 // Samples are as many correspondences as determine a similarity, seven of whose rows give candidates (three
-// quadrics) that are refined on all of them; the score is MSAC's.
+// quadrics; two conics, where all points are of one image), or six where the scale is known; the best are
+// refined on all of them. The score is MSAC's.
 CorrespondenceEstimate estimate(const Correspondences& correspondences, const CorrespondenceOptions& options);
 
 }  // namespace sonocal

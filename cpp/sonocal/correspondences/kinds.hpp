@@ -12,6 +12,7 @@ struct UnitKind {
   std::vector<bool> same_point;  // of each row: whether it has the point of the row before it
   bool line = false;             // two points on a line: its planes are the same pair twice, at right angles
   bool plane = false;            // all points in one plane
+  bool point = false;            // one point on a point: three planes at right angles
   std::vector<int> units;  // that are of this kind, in an order that has nothing to do with the given one
 
   int rows() const { return static_cast<int>(same_point.size()); }
@@ -30,6 +31,11 @@ struct TargetLine {
 };
 inline TargetLine target_line(const PointOnPlane& a, const PointOnPlane& b) {
   return {-(a.offset * a.normal + b.offset * b.normal), cross(a.normal, b.normal)};
+}
+
+// The point that a correspondence of kind `point` has for its target.
+inline Vector3d target_point(const PointOnPlane& a, const PointOnPlane& b, const PointOnPlane& c) {
+  return -(a.offset * a.normal + b.offset * b.normal + c.offset * c.normal);
 }
 
 }  // namespace sonocal

@@ -6,12 +6,14 @@
 
 #include "sonocal/linalg/ldlt.hpp"
 #include "sonocal/linalg/small.hpp"
+#include "sonocal/solvers/three_points.hpp"
+#include "sonocal/solvers/two_conics.hpp"
 #include "sonocal/solvers/two_lines.hpp"
 
 namespace sonocal {
 namespace {
 
-constexpr int kHeldMotions = 7;
+constexpr int kMostMotions = 7;
 // A kind of fewer is not drawn from alone, nor is one of which fewer motions are held by each.
 constexpr int kEnough = 8, kStrong = 3;
 // Noise parts a pair of roots in one sample of twenty: few samples cannot do without what is nearest to them,
@@ -47,18 +49,18 @@ bool hold_all(const std::vector<PointOnPlane>& rows, const Transform& a, bool sc
   for (const auto& row : rows) centre += row.point / static_cast<double>(rows.size());
   double size = 0;
   for (const auto& row : rows) size = std::max(size, (row.point - centre).norm());
-  Eigen::Matrix<double, kHeldMotions, kHeldMotions> information =
-      Eigen::Matrix<double, kHeldMotions, kHeldMotions>::Zero();
+  Eigen::Matrix<double, kMostMotions, kMostMotions> information =
+      Eigen::Matrix<double, kMostMotions, kMostMotions>::Zero();
   for (const auto& row : rows) {
     const Vector3d arm = a.rotation * (row.point - centre) / size;
-    Eigen::Matrix<double, kHeldMotions, 1> jacobian;
+    Eigen::Matrix<double, kMostMotions, 1> jacobian;
     jacobian << cross(arm, row.normal), row.normal, scale_known ? 0.0 : row.normal.dot(arm);
-    for (int column = 0; column < kHeldMotions; ++column)
+    for (int column = 0; column < kMostMotions; ++column)
       information.col(column) += jacobian[column] * jacobian;
   }
   if (!information.allFinite()) return false;
   if (scale_known) information(6, 6) = information.trace() / 6;
-  const Ldlt<kHeldMotions> factors(information);
+  const Ldlt<kMostMotions> factors(information);
   return factors.least_pivot() > kFree * factors.greatest_pivot();
 }
 
@@ -82,8 +84,12 @@ void put_row(const PointOnPlane& row, double* point, double* plane) {
 
 }  // namespace
 
-MixedSamples::MixedSamples(const UnitRows& rows, const double* weights, bool scale_known)
-    : rows_(rows), scale_known_(scale_known), strongest_kind_(strongest(rows.kinds())) {
+MixedSamples::MixedSamples(const UnitRows& rows, const double* weights, double scale)
+    : rows_(rows),
+      scale_(scale),
+      motions_(scale > 0 ? kMostMotions - 1 : kMostMotions),
+      flat_(rows.flat()),
+      strongest_kind_(strongest(rows.kinds())) {
   for (int slot = 0; slot < rows.slots(); ++slot)
     if (rows.unit(slot) >= 0) order_.push_back(slot);
   ordered_ = weights && *std::min_element(weights, weights + rows.units()) <
@@ -112,16 +118,34 @@ void MixedSamples::draw_one(Random& random, Drawn& out) {
   const std::vector<int>& from = strongest_.empty() || random.below(2) == 0 ? order_ : strongest_;
   const int size = pool(static_cast<int>(from.size())), most = std::min(kMostUnits, size);
   out.size = 0;
-  for (int held = 0, beyond = 0; out.size < most && (held < kHeldMotions || beyond < extra_);) {
+  for (int held = 0, beyond = 0; out.size < most && (held < motions_ || beyond < extra_);) {
     const int slot = from[random.below(size)];
     const auto end = out.slot.begin() + out.size;
     if (std::find(out.slot.begin(), end, slot) != end) continue;
     out.slot[out.size++] = slot;
-    beyond += held >= kHeldMotions;
-    held += this->held(slot);
+    beyond += held >= motions_;
+    held += this->held(rows_.kind(slot));
   }
-  out.lines = out.size == 2 && rows_.kind(out.slot[0]).line && rows_.kind(out.slot[1]).line;
+  out.by = solver_of(out);
   ++samples_;
+}
+
+MixedSamples::By MixedSamples::solver_of(const Drawn& drawn) const {
+  const auto all = [&](const auto& is) {
+    return std::all_of(drawn.slot.begin(), drawn.slot.begin() + drawn.size, is);
+  };
+  if (drawn.size == 2 && all([&](int slot) { return rows_.kind(slot).line; })) return By::kLines;
+  if (drawn.size == 3 && all([&](int slot) { return rows_.kind(slot).point; })) return By::kPoints;
+  return By::kRows;
+}
+
+void MixedSamples::put_points(const Drawn& drawn, double* points, double* places) const {
+  for (int i = 0; i < 3; ++i) {
+    const PointOnPlane first = rows_.row(drawn.slot[i], 0);
+    const Vector3d place = target_point(first, rows_.row(drawn.slot[i], 1), rows_.row(drawn.slot[i], 2));
+    std::copy_n(first.point.data(), 3, points + 3 * i);
+    std::copy_n(place.data(), 3, places + 3 * i);
+  }
 }
 
 void MixedSamples::put_lines(const Drawn& drawn, double* image, double* needles) const {
@@ -136,43 +160,54 @@ void MixedSamples::put_lines(const Drawn& drawn, double* image, double* needles)
   }
 }
 
-// Seven rows, one of each correspondence in turn; the last again where there are fewer.
+// So many rows as motions, one of each correspondence in turn; the last again where there are fewer. Each has
+// another one first: the same planes of points on points are parallel.
 void MixedSamples::put_rows(const Drawn& drawn, double* points, double* planes) const {
   int taken = 0;
-  for (int round = 0, found = 1; found && taken < kHeldMotions; ++round) {
+  for (int round = 0, found = 1; found && taken < motions_; ++round) {
     found = 0;
-    for (int u = 0; u < drawn.size && taken < kHeldMotions; ++u) {
-      if (round >= rows_.kind(drawn.slot[u]).rows()) continue;
-      put_row(rows_.row(drawn.slot[u], round), points + 3 * taken, planes + 4 * taken);
+    for (int u = 0; u < drawn.size && taken < motions_; ++u) {
+      const int rows = rows_.kind(drawn.slot[u]).rows();
+      if (round >= rows) continue;
+      put_row(rows_.row(drawn.slot[u], (round + u) % rows), points + 3 * taken, planes + 4 * taken);
       ++taken;
       found = 1;
     }
   }
-  for (; taken < kHeldMotions; ++taken) {
+  for (; taken < motions_; ++taken) {
     std::copy_n(points + 3 * (taken - 1), 3, points + 3 * taken);
     std::copy_n(planes + 4 * (taken - 1), 4, planes + 4 * taken);
   }
 }
 
 void MixedSamples::solve_ahead() {
-  std::array<double, kAhead * kHeldMotions * 3> points;
-  std::array<double, kAhead * kHeldMotions * 4> planes;
+  std::array<double, kAhead * kMostMotions * 3> points;
+  std::array<double, kAhead * kMostMotions * 4> planes;
   std::array<double, kAhead * 12> image, needles;
-  int lines = 0, others = 0;
+  std::array<double, kAhead * 9> seen, places;
+  int lines = 0, threes = 0, others = 0;
   for (Drawn& drawn : drawn_) {
-    drawn.place = drawn.lines ? lines++ : others++;
-    if (drawn.lines)
+    drawn.place = drawn.by == By::kLines ? lines++ : drawn.by == By::kPoints ? threes++ : others++;
+    if (drawn.by == By::kLines)
       put_lines(drawn, &image[12 * drawn.place], &needles[12 * drawn.place]);
+    else if (drawn.by == By::kPoints)
+      put_points(drawn, &seen[9 * drawn.place], &places[9 * drawn.place]);
     else
-      put_rows(drawn, &points[3 * kHeldMotions * drawn.place], &planes[4 * kHeldMotions * drawn.place]);
+      put_rows(drawn, &points[3 * motions_ * drawn.place], &planes[4 * motions_ * drawn.place]);
   }
   const bool few = samples_ <= kFewSamples || extra_ > 0;
   const NoRealRoot policy = few ? NoRealRoot::kRealPart : NoRealRoot::kNothing;
   if (lines > 0)
     two_lines_batch(image.data(), needles.data(), lines, 1, {line_matrices_.data(), line_counts_.data()});
-  if (others > 0)
-    three_quadrics_batch(points.data(), planes.data(), others, kHeldMotions, policy, 1,
-                         {matrices_.data(), counts_.data()});
+  if (threes > 0)
+    three_points_batch(seen.data(), places.data(), threes, scale_, 1,
+                       {point_matrices_.data(), point_counts_.data()});
+  if (others == 0) return;
+  const BatchOut out{matrices_.data(), counts_.data()};
+  if (by_conics())
+    two_conics_batch(points.data(), planes.data(), others, motions_, policy, 1, out);
+  else
+    three_quadrics_batch(points.data(), planes.data(), others, motions_, scale_, policy, 1, out);
 }
 
 int MixedSamples::determined_ahead() const {
@@ -212,11 +247,14 @@ void MixedSamples::draw(Random& random) {
 }
 
 int MixedSamples::solutions(const Drawn& drawn, Models& out) const {
-  const int most = drawn.lines ? 2 : 8;
-  const double* from = (drawn.lines ? line_matrices_.data() : matrices_.data()) + 16 * most * drawn.place;
-  const int count = static_cast<int>((drawn.lines ? line_counts_ : counts_)[drawn.place]);
-  for (int i = 0; i < count; ++i) out[i] = read_row_major(from + 16 * i);
-  return count;
+  const auto read = [&](const double* matrices, const std::int64_t* counts, int most) {
+    const int count = static_cast<int>(counts[drawn.place]);
+    for (int i = 0; i < count; ++i) out[i] = read_row_major(matrices + 16 * (most * drawn.place + i));
+    return count;
+  };
+  if (drawn.by == By::kLines) return read(line_matrices_.data(), line_counts_.data(), 2);
+  if (drawn.by == By::kPoints) return read(point_matrices_.data(), point_counts_.data(), 1);
+  return read(matrices_.data(), counts_.data(), by_conics() ? 4 : 8);
 }
 
 int MixedSamples::solve(Models& out) const { return solutions(drawn_[next_], out); }
@@ -234,8 +272,9 @@ const std::vector<PointOnPlane>& MixedSamples::rows() {
 }
 
 bool MixedSamples::determine(const std::vector<PointOnPlane>& rows, const Transform& a) const {
-  return rows.size() >= kHeldMotions && spread_of(rows) > kMeeting * spread_ &&
-         hold_all(rows, a, scale_known_);
+  // Of a known scale planes may meet: nothing can shrink to where they do.
+  return static_cast<int>(rows.size()) >= motions_ && (scale_ > 0 || spread_of(rows) > kMeeting * spread_) &&
+         hold_all(rows, a, scale_ > 0);
 }
 
 bool MixedSamples::determine(const Transform& a) { return determine(rows(), a); }
@@ -248,19 +287,19 @@ double MixedSamples::clean_share(const std::vector<double>& sound) const {
 // Of samples of any kinds, or of one. clean[h]: that what joins a sample which holds h motions is sound.
 double MixedSamples::clean_share(const std::vector<double>& sound, int only) const {
   const auto& kinds = rows_.kinds();
-  std::array<double, kHeldMotions + 1> clean;
+  std::array<double, kMostMotions + 1> clean;
   double one = 0;
   for (std::size_t k = 0; k < kinds.size(); ++k) {
     const double part = static_cast<double>(kinds[k].units.size()) / rows_.units();
     one += only < 0 ? part * sound[k] : only == static_cast<int>(k) ? sound[k] : 0;
   }
-  clean[kHeldMotions] = std::pow(one, extra_);
-  for (int h = kHeldMotions - 1; h >= 0; --h) {
+  clean[motions_] = std::pow(one, extra_);
+  for (int h = motions_ - 1; h >= 0; --h) {
     clean[h] = 0;
     for (std::size_t k = 0; k < kinds.size(); ++k) {
       const double part =
           only < 0 ? static_cast<double>(kinds[k].units.size()) / rows_.units() : only == static_cast<int>(k);
-      clean[h] += part * sound[k] * clean[std::min(h + kinds[k].held(), kHeldMotions)];
+      clean[h] += part * sound[k] * clean[std::min(h + held(kinds[k]), motions_)];
     }
   }
   return clean[0];

@@ -135,9 +135,11 @@ void UnitRows::normalise(const Correspondences& all) {
   for (int i = 0; i < rows; ++i) {
     const PointOnPlane row = read_row(all.points, all.planes, i);
     source_centre_ += row.point / rows;
+    flat_ = flat_ && row.point[2] == all.points[2];
     for (int column = 0; column < 3; ++column) normals.col(column) += row.normal[column] * row.normal;
     right -= row.offset * row.normal;
   }
+  if (flat_ && rows > 0) source_centre_[2] = all.points[2];
   centre_ = least_squares(normals, right);
   if (!centre_.allFinite()) centre_.setZero();
   double source = 0, target = 0;

@@ -36,6 +36,7 @@ class UnitRows {
   const UnitKind& kind(int slot) const { return kinds_[kind_[slot]]; }
   PointOnPlane row(int slot, int row) const;
 
+  bool flat() const { return flat_; }    // all source points have the same third coordinate
   double size() const { return size_; }  // of the targets, in their unit
   double source_size() const { return source_size_; }
   Transform to_original(const Transform& a) const;
@@ -60,6 +61,7 @@ class UnitRows {
   int units_;
   Vector3d source_centre_ = Vector3d::Zero(), centre_ = Vector3d::Zero();
   double source_size_ = 1, size_ = 1;
+  bool flat_ = true;
   std::vector<int> unit_, kind_;  // of each place
   std::vector<double> data_;
   std::vector<UnitBlock> blocks_;  // kind by kind

@@ -8,10 +8,11 @@
 #include "sonocal/estimate/point_lines.hpp"
 #include "sonocal/estimate/sightings.hpp"
 #include "sonocal/robust/consensus.hpp"
+#include "sonocal/solvers/batch.hpp"
 
 namespace sonocal {
 
-using Candidates = std::array<Transform, 4>;
+using Candidates = std::array<Transform, 8>;
 
 // What rows have in common: the image they are in and the needle or wire they are of; null: nothing known.
 struct Labels {
@@ -19,30 +20,34 @@ struct Labels {
   const std::int32_t* target = nullptr;
 };
 
-// Four rows of a 2D probe.
-class FourRows {
+// Four rows of a 2D probe, or three where the scale is known.
+class ImageRows {
  public:
-  FourRows(const PointLines& rows, Labels labels);
+  // A scale > 0 is known, of the rows' coordinates.
+  ImageRows(const PointLines& rows, Labels labels, double scale);
   int units() const { return rows_.size(); }
-  int sample_size() const { return 4; }
+  int sample_size() const { return scale_ > 0 ? 3 : 4; }
   bool enumerable() const { return true; }
   // Rows of one frame are nearly the same information, and so are rows of one wire: a sample takes
   // different ones where there are enough.
   void draw(Random& random, Sample& sample);
   int solve(const Sample& sample, Random&, Candidates& out);
-  Vector3d centre(const Sample& sample) const;  // of the sample's points
 
  private:
   // Samples are drawn and solved several at a time, side by side in vectors, and handed out one by one.
   static constexpr int kAhead = 8;
   bool repeats(const Sample& sample, int drawn, int candidate) const;
   void draw_one(Random& random, Sample& sample) const;
-  void draw_ahead(Random& random);
+  void solve_samples(const Sample* samples, int count, BatchOut out) const;
+  void solve_fours(const Sample* samples, int count, BatchOut out) const;
+  void solve_threes(const Sample* samples, int count, BatchOut out) const;
+  int most() const { return scale_ > 0 ? 8 : 4; }
 
   const PointLines& rows_;
   Labels labels_;
+  double scale_;
   std::array<Sample, kAhead> samples_;
-  std::array<double, kAhead * 4 * 16> matrices_;
+  std::array<double, kAhead * 8 * 16> matrices_;
   std::array<std::int64_t, kAhead> counts_;
   int next_ = kAhead;
   bool drawn_ = false;
@@ -68,8 +73,8 @@ class TwoSightings {
 };
 
 // The samples of another sampler, whose answers are given a known scale: grown about the sample's centre,
-// which stays where it is. A sample of four points and of two lines determines its scale, and refinement on
-// the rows that agree mends what a wrong one has done to the rotation.
+// which stays where it is. Two lines determine their scale, and refinement on the rows that agree mends what
+// a wrong one has done to the rotation.
 template <class Sampler>
 class AtScale {
  public:

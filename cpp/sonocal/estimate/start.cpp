@@ -139,7 +139,8 @@ class PointLineEstimator {
   Column squares_;
 };
 
-// Median squared distance over random samples' best transform: the noise, while most rows are sound.
+// Median squared distance over random samples' best transform, of the rows that are not in its sample: the
+// noise, while most of them are sound.
 template <class Sampler>
 double limit_from_noise(const PointLines& rows, Sampler& sampler, std::uint64_t seed) {
   Random random(seed);
@@ -148,13 +149,15 @@ double limit_from_noise(const PointLines& rows, Sampler& sampler, std::uint64_t 
   Column squares;
   double least = kInfinity;
   if (sampler.units() < sampler.sample_size()) return least;
+  const int fitted = rows.size() / sampler.units() * sampler.sample_size();
+  if (rows.size() <= fitted) return least;
   for (int i = 0; i < kAutoSamples; ++i) {
     sampler.draw(random, sample);
     const int count = sampler.solve(sample, random, candidates);
     for (int k = 0; k < count; ++k) {
       rows.squared_distances(candidates[k], squares);
       // The median is less where more than half of all are: of most candidates that is all one has to know.
-      const Eigen::Index half = squares.size() / 2;
+      const Eigen::Index half = fitted + (squares.size() - fitted) / 2;
       if ((squares < least).count() <= half) continue;
       std::nth_element(squares.data(), squares.data() + half, squares.data() + squares.size());
       least = squares[half];
@@ -244,12 +247,12 @@ Start consensus_with(const PointLines& rows, Sampler sampler, const Options& opt
 
 Start consensus_of(const PointLines& rows, const Sightings& sightings, const Labels& labels,
                    const Options& options) {
-  const auto with = [&](auto sampler) {
-    if (options.model != Model::kScaleKnown) return consensus_with(rows, std::move(sampler), options);
-    const Normalisation& n = rows.normalisation();
-    return consensus_with(rows, AtScale(std::move(sampler), options.scale * n.image_size / n.size), options);
-  };
-  return rows.dimension() == 2 ? with(FourRows(rows, labels)) : with(TwoSightings(rows, sightings));
+  const Normalisation& n = rows.normalisation();
+  const double scale = options.model == Model::kScaleKnown ? options.scale * n.image_size / n.size : 0;
+  if (rows.dimension() == 2) return consensus_with(rows, ImageRows(rows, labels, scale), options);
+  const TwoSightings sampler(rows, sightings);
+  return scale > 0 ? consensus_with(rows, AtScale(sampler, scale), options)
+                   : consensus_with(rows, sampler, options);
 }
 
 // Every n-th sighting of a large table, as a table of its own.

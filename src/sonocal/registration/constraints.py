@@ -301,7 +301,9 @@ def refuse_not_finite(points: Array, planes: Array) -> None:
         )
 
 
-def refuse_degenerate_rows(points: Array, planes: Array, *, linear: bool = False) -> None:
+def refuse_degenerate_rows(
+    points: Array, planes: Array, *, linear: bool = False, scale_known: bool = False
+) -> None:
     """Raise if rows leave a motion free whatever the solution; return if they only have no real solution.
 
     Raises:
@@ -310,6 +312,8 @@ def refuse_degenerate_rows(points: Array, planes: Array, *, linear: bool = False
     """
     refuse_not_finite(points, planes)
     motions = _free_parts(points, planes[:, :3], planes[:, 3])
+    if scale_known:
+        motions.pop("lines-through-one-point", None)
     if motions:
         code, motion = next(iter(motions.items()))
         raise DegenerateGeometryError(

@@ -2,7 +2,7 @@
 
 Every solver takes leading batch axes and runs them in compiled code; without any, it solves one problem.
 Noise often leaves a minimal sample without a real solution. With ``steps=0`` such a sample has count 0;
-with more, the nearest real candidates are refined on every equation: `four_points` and `two_lines` then
+with more, the nearest real candidates are refined on every equation: `four_points`, `two_conics` and `two_lines` then
 always have one, `three_quadrics` misses one noisy sample in some 700.
 """
 
@@ -27,7 +27,9 @@ __all__ = [
     "linear_points",
     "paper_four_points",
     "paper_two_lines",
+    "three_points",
     "three_quadrics",
+    "two_conics",
     "two_lines",
 ]
 
@@ -35,7 +37,9 @@ __all__ = [
 # How messages name what a solver takes.
 _PLANE = ("points_px (..., 4, 2)", "segments_mm (..., 4, 2, 3)")
 _LINES = ("image_segments (..., 2, 2, 3)", "needle_segments (..., 2, 2, 3)")
-_ROWS = ("points (..., N, 3)", "planes (..., N, 4), N >= 7")
+_ROWS = ("points (..., N, 3)", "planes (..., N, 4), N >= 7 (6 where the scale is known)")
+_FLAT = ("points_px (..., N, 2)", "planes (..., N, 4), N >= 7")
+_PAIRS = ("points (..., 3, 3)", "places_mm (..., 3, 3)")
 _SPACE = ("points (..., 4, 3)", "segments_mm (..., 4, 2, 3)")
 
 
@@ -141,22 +145,99 @@ def two_lines(
     )
 
 
+def three_points(
+    points: ArrayLike, places_mm: ArrayLike, *, scale: float | None = None, threads: int = 1
+) -> Solutions:
+    """The similarity that carries three points nearest to three places.
+
+        sum_i |A x_i - y_i|^2 least
+
+    Closed form: the quaternion of R is the eigenvector of a symmetric 4 x 4 matrix, s and t follow. All nine
+    equations take part.
+
+    Args:
+        points: (..., 3, 3), px.
+        places_mm: (..., 3, 3), mm.
+        scale: mm per px where it is known (rigid).
+        threads: how many share a batch; the result is the same.
+
+    Returns:
+        1 solution each.
+
+    Raises:
+        InputError: a shape or an option does not fit, or one problem given is not finite.
+        DegenerateGeometryError: one problem given whose points or places lie on a line. In a batch such a row
+            has count 0 instead.
+
+    Source: Horn, Closed-form solution of absolute orientation using unit quaternions, 1987.
+    """
+    return _solve(
+        _core.three_points,
+        (points, places_mm),
+        _PAIRS,
+        _rows_of_places,
+        0.0 if scale is None else _known(scale),
+        threads,
+        scale_known=scale is not None,
+    )
+
+
+def two_conics(
+    points_px: ArrayLike, planes: ArrayLike, *, steps: int = 0, scale: float | None = None, threads: int = 1
+) -> Solutions:
+    """Similarities that bring seven points of an image into seven planes: whatever a 2D probe sees.
+
+        n_i . A (u_i, v_i, 0, 1)^T + d_i = 0, i = 1..7        |c1|^2 - |c2|^2 = 0,  c1 . c2 = 0
+
+    Lines of an image in planes are two rows each, points in planes one, points on lines two. Eliminates t, leaving
+    four equations in the first two columns of s R: two conics in two unknowns, a quartic. The rows' order has no
+    effect.
+
+    Args:
+        points_px: (..., N, 2), px, N >= 7. The first seven rows give the candidates.
+        planes: (..., N, 4), mm: (n, d) with n . x + d = 0; weights of rows by |n| matter to `steps` alone.
+        steps: Gauss-Newton steps on all N rows, from the real part of every complex pair too; best first.
+        scale: mm per px where it is known (rigid); needs `steps`. `three_quadrics` solves six rows exactly then.
+        threads: how many share a batch; the result is the same.
+
+    Returns:
+        Up to 4 solutions each.
+
+    Raises:
+        InputError: a shape or an option does not fit, or one problem given is not finite.
+        DegenerateGeometryError: one problem given that leaves a motion free. In a batch such a row has
+            count 0 instead.
+
+    Source: the problem of paper section 6 for any planes; the conics are its eq. (20)-(21).
+    """
+    return _solve(
+        _core.two_conics,
+        (_with_zero(_array(points_px)), planes),
+        _FLAT,
+        _rows_as_given,
+        steps,
+        0.0 if scale is None else _known(scale, steps),
+        threads,
+    )
+
+
 def three_quadrics(
     points: ArrayLike, planes: ArrayLike, *, steps: int = 0, scale: float | None = None, threads: int = 1
 ) -> Solutions:
-    """Similarities that bring seven points into seven planes, whatever these come from.
+    """Similarities that bring seven points into seven planes, whatever these come from; of a known scale, six.
 
         n_i . (A x_i) + d_i = 0, i = 1..7
 
     Eliminates t and the 1, leaving three equations in s R(q): three quadrics in the quaternion, a
-    polynomial of degree 8, each root polished by Newton on the three equations. The rows' order has no
+    polynomial of degree 8, each root polished by Newton on the three equations. Where the scale is known, t
+    alone is eliminated from six rows, and three equations in R(q) and the 1 are left. The rows' order has no
     effect, two points may share a line.
 
     Args:
-        points: (..., N, 3), px, N >= 7. The first seven rows give the candidates.
+        points: (..., N, 3), px, N >= 7, or 6 where the scale is known. The first rows give the candidates.
         planes: (..., N, 4), mm: (n, d) with n . x + d = 0; weights of rows by |n| matter to `steps` alone.
         steps: Gauss-Newton steps on all N rows, from near misses of the polynomial too; best first.
-        scale: mm per px where it is known (rigid); needs `steps`.
+        scale: mm per px where it is known (rigid).
         threads: how many share a batch; the result is the same.
 
     Returns:
@@ -175,8 +256,9 @@ def three_quadrics(
         _ROWS,
         _rows_as_given,
         steps,
-        0.0 if scale is None else _known(scale, steps),
+        0.0 if scale is None else _known(scale),
         threads,
+        scale_known=scale is not None,
     )
 
 
@@ -305,6 +387,7 @@ def _solve(
     names: tuple[str, str],
     rows: Callable[[Array, Array], tuple[Array, Array]],
     *options: float,
+    scale_known: bool = False,
 ) -> Solutions:
     # The fast path is one try: shapes are checked by the compiled side, sentences are made when it objects.
     try:
@@ -313,7 +396,7 @@ def _solve(
         arrays = (_array(arrays[0]), _array(arrays[1]))
         matrices, count = _call(core, arrays, names, *options)
     if count.__class__ is int and count == 0:
-        refuse_degenerate_rows(*rows(_array(arrays[0]), _array(arrays[1])))
+        refuse_degenerate_rows(*rows(_array(arrays[0]), _array(arrays[1])), scale_known=scale_known)
     return Solutions(matrices, count)
 
 
@@ -343,11 +426,17 @@ def _rows_of_lines(image: Array, needles: Array) -> tuple[Array, Array]:
     return _rows_of_space(image.reshape(4, 3), np.repeat(needles, 2, axis=0))
 
 
+def _rows_of_places(points: Array, places: Array) -> tuple[Array, Array]:
+    normals = np.tile(np.eye(3), (3, 1))
+    planes = np.column_stack([normals, -np.sum(normals * np.repeat(places, 3, axis=0), axis=1)])
+    return np.repeat(points, 3, axis=0), planes
+
+
 def _rows_as_given(points: Array, planes: Array) -> tuple[Array, Array]:
     return points, planes
 
 
-def _known(scale: float, steps: int) -> float:
+def _known(scale: float, steps: int = 1) -> float:
     if not (scale > 0 and np.isfinite(scale)):
         raise InputError(f"a known scale is positive and finite, in mm per px; got {scale}")
     if steps < 1:

@@ -4,6 +4,7 @@
 
 #include "sonocal/solvers/lanes/four_points_lanes.hpp"
 #include "sonocal/solvers/lanes/three_quadrics_lanes.hpp"
+#include "sonocal/solvers/lanes/two_conics_lanes.hpp"
 #include "sonocal/solvers/lanes/two_lines_lanes.hpp"
 
 namespace sonocal {
@@ -17,7 +18,9 @@ const Kernels SONOCAL_KERNELS{
     [](const double* image, const double* needles, std::size_t size, BatchOut out) {
       two_lines_range(image, needles, size, out);
     },
+    [](const double* points, const double* planes, std::size_t size, int rows, double scale, bool real_parts,
+       BatchOut out) { three_quadrics_range(points, planes, size, rows, scale, real_parts, out); },
     [](const double* points, const double* planes, std::size_t size, int rows, bool real_parts,
-       BatchOut out) { three_quadrics_range(points, planes, size, rows, real_parts, out); }};
+       BatchOut out) { two_conics_range(points, planes, size, rows, real_parts, out); }};
 
 }  // namespace sonocal

@@ -21,8 +21,11 @@ struct Kernels {
   void (*four_points)(const double* points, const double* segments, std::size_t size, bool real_parts,
                       BatchOut out);
   void (*two_lines)(const double* image, const double* needles, std::size_t size, BatchOut out);
-  void (*three_quadrics)(const double* points, const double* planes, std::size_t size, int rows,
+  // The scale is known where it is above 0.
+  void (*three_quadrics)(const double* points, const double* planes, std::size_t size, int rows, double scale,
                          bool real_parts, BatchOut out);
+  void (*two_conics)(const double* points, const double* planes, std::size_t size, int rows, bool real_parts,
+                     BatchOut out);
 };
 
 // Those for this machine and so many problems: one problem does not fill wide registers, and waits for them.

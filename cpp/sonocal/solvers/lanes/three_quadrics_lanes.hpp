@@ -2,13 +2,17 @@
 #pragma once
 
 #include "sonocal/solvers/lanes/lanes_io.hpp"
+#include "sonocal/solvers/lanes/point_planes.hpp"
 #include "sonocal/solvers/lanes/univariate.hpp"
 
 namespace sonocal {
 namespace general {
 
 constexpr int kMost = 8;
-constexpr int kColumns = 13;  // t, 1, then the columns of S
+constexpr int kColumns = 13;
+// Rows of a problem, and how many of them give the translation, and the scale where it is not known.
+constexpr int rows_of(bool scale_known) { return scale_known ? 6 : 7; }
+constexpr int givers_of(bool scale_known) { return scale_known ? 3 : 4; }
 // Roots are only where Newton on the equations starts.
 constexpr double kRootTolerance = 1e-4;
 
@@ -17,12 +21,6 @@ constexpr double kRootTolerance = 1e-4;
 constexpr double kTilt[3][3] = {{-47 / 225.0, -196 / 225.0, 100 / 225.0},
                                 {-4 / 225.0, 103 / 225.0, 200 / 225.0},
                                 {-220 / 225.0, 40 / 225.0, -25 / 225.0}};
-
-template <class T>
-struct Row {
-  Vec3<T> point, normal;
-  T offset;
-};
 
 // A row (of y, of z, of 1) of polynomials in x that vanishes at every solution.
 template <class T, int A, int C>
@@ -35,76 +33,15 @@ struct PolynomialRow {
 // All that a root needs to become a solution. Numbers of T alone, so that lanes can be dealt out anew.
 template <class T>
 struct Problem {
-  Vec3<T> image_centre, centre;  // what was subtracted, and
-  T image_size, size;            // what it was divided by
-  T rows[4][kColumns];           // upper triangular in t, 1
-  Vec3<T> equation[3][3];        // columns of K_j: the sum of its entries times those of R is zero
-  T eliminated;                  // which two of the quaternion's components are y and z
+  Normalisation<T> units;
+  T rows[4][kColumns];     // upper triangular in t, 1
+  Vec3<T> equation[3][3];  // columns of K_j: the sum of its entries times those of R, and k_j, is zero
+  T constant[3];           // k_j: none where the scale is not known
+  T eliminated;            // which two of the quaternion's components are y and z
   PolynomialRow<T, 2, 3> first, second;
   PolynomialRow<T, 3, 4> third;
   Polynomial<T, 8> polynomial;
 };
-
-// Centres both sides and scales them to order one: what the elimination sees.
-template <class T>
-SONOCAL_INLINE Mask<T> normalise(const Row<T> (&row)[7], Problem<T>& p, T (&m)[7][kColumns]) {
-  Vec3<T> sum = row[0].point, c0{}, c1{}, c2{}, right{};
-  for (int i = 1; i < 7; ++i) sum = sum + row[i].point;
-  p.image_centre = broadcast<T>(1.0 / 7) * sum;
-  for (int i = 0; i < 7; ++i) {
-    const Vec3<T>& n = row[i].normal;
-    c0 = c0 + n.x * n;
-    c1 = c1 + n.y * n;
-    c2 = c2 + n.z * n;
-    right = right - row[i].offset * n;
-  }
-  // The point nearest to all planes.
-  const Vec3<T> a0 = cross(c1, c2), a1 = cross(c2, c0), a2 = cross(c0, c1);
-  p.centre = (1.0 / dot(c0, a0)) * (right.x * a0 + right.y * a1 + right.z * a2);
-  p.size = p.image_size = broadcast<T>(0);
-  T offset[7];
-  Vec3<T> x[7];
-  for (int i = 0; i < 7; ++i) {
-    offset[i] = row[i].offset + dot(row[i].normal, p.centre);
-    x[i] = row[i].point - p.image_centre;
-    p.size = p.size + abs(offset[i]);
-    p.image_size = larger<T>(p.image_size, dot(x[i], x[i]));
-  }
-  p.image_size = sqrt(p.image_size);
-  const T shrink = 1.0 / p.size, shrink_image = 1.0 / p.image_size;
-  for (int i = 0; i < 7; ++i) {
-    const Vec3<T>& n = row[i].normal;
-    const Vec3<T> u = shrink_image * x[i];
-    const T to[kColumns] = {n.x,       n.y,       n.z,       offset[i] * shrink, u.x * n.x,
-                            u.x * n.y, u.x * n.z, u.y * n.x, u.y * n.y,          u.y * n.z,
-                            u.z * n.x, u.z * n.y, u.z * n.z};
-    for (int k = 0; k < kColumns; ++k) m[i][k] = to[k];
-  }
-  return (p.size > 0.0) & (p.image_size > 0.0) & finite(shrink + shrink_image + p.size);
-}
-
-// Householder reflections that clear the first four columns below the diagonal; false where they depend.
-template <class T>
-SONOCAL_INLINE Mask<T> eliminate(T (&m)[7][kColumns]) {
-  Mask<T> independent = m[0][0] == m[0][0];
-  for (int c = 0; c < 4; ++c) {
-    T square = m[c][c] * m[c][c];
-    for (int r = c + 1; r < 7; ++r) square += m[r][c] * m[r][c];
-    const T norm = with_sign<T>(sqrt(square), m[c][c]);
-    independent &= square > 1e-26;
-    T mirror[7];
-    for (int r = c + 1; r < 7; ++r) mirror[r] = m[r][c];
-    mirror[c] = m[c][c] + norm;
-    const T factor = 1.0 / (norm * mirror[c]);
-    for (int k = c; k < kColumns; ++k) {
-      T along = mirror[c] * m[c][k];
-      for (int r = c + 1; r < 7; ++r) along += mirror[r] * m[r][k];
-      along = along * factor;
-      for (int r = c; r < 7; ++r) m[r][k] -= along * mirror[r];
-    }
-  }
-  return independent;
-}
 
 // The three equations' coefficients of each product of two of a quaternion's components.
 constexpr int kProduct[4][4] = {{0, 4, 5, 6}, {4, 1, 7, 8}, {5, 7, 2, 9}, {6, 8, 9, 3}};
@@ -121,9 +58,9 @@ struct Forms {
   }
 };
 
-// sum_ij K_ij S_ij(q), as quadratic forms of the quaternion w x y z.
+// sum_ij K_ij S_ij(q) + k |q|^2, as quadratic forms of the quaternion w x y z.
 template <class T>
-SONOCAL_INLINE Forms<T> forms_of(const Vec3<T> (&equation)[3][3]) {
+SONOCAL_INLINE Forms<T> forms_of(const Vec3<T> (&equation)[3][3], const T (&constant)[3]) {
   Forms<T> f;
   const auto set = [&](int j, int a, int b, const T& value) __attribute__((always_inline)) {
     Vec3<T>& v = f.at(a, b);
@@ -131,10 +68,10 @@ SONOCAL_INLINE Forms<T> forms_of(const Vec3<T> (&equation)[3][3]) {
   };
   for (int j = 0; j < 3; ++j) {
     const Vec3<T>&c0 = equation[j][0], &c1 = equation[j][1], &c2 = equation[j][2];
-    set(j, 0, 0, c0.x + c1.y + c2.z);
-    set(j, 1, 1, c0.x - c1.y - c2.z);
-    set(j, 2, 2, c1.y - c0.x - c2.z);
-    set(j, 3, 3, c2.z - c0.x - c1.y);
+    set(j, 0, 0, constant[j] + c0.x + c1.y + c2.z);
+    set(j, 1, 1, constant[j] + c0.x - c1.y - c2.z);
+    set(j, 2, 2, constant[j] + c1.y - c0.x - c2.z);
+    set(j, 3, 3, constant[j] + c2.z - c0.x - c1.y);
     set(j, 0, 1, 2.0 * (c1.z - c2.y));
     set(j, 0, 2, 2.0 * (c2.x - c0.z));
     set(j, 0, 3, 2.0 * (c0.y - c1.x));
@@ -215,22 +152,25 @@ SONOCAL_INLINE void resultant(const Reduced<T> (&r)[3], Problem<T>& p) {
                  (p.first.one * p.second.y - p.first.y * p.second.one) * p.third.z;
 }
 
-// Up to the polynomial; true where there is one.
-template <class T>
-SONOCAL_INLINE Mask<T> prepare(const Row<T> (&row)[7], Problem<T>& p) {
-  T m[7][kColumns];
-  Mask<T> valid = normalise(row, p, m);
-  valid &= eliminate(m);
+// Up to the polynomial; true where there is one. The scale is mm per px, where it is known.
+template <bool kScaleKnown, class T>
+SONOCAL_INLINE Mask<T> prepare(const PointPlane<T> (&row)[rows_of(kScaleKnown)], double scale,
+                               Problem<T>& p) {
+  constexpr int kGivers = givers_of(kScaleKnown);
+  T m[rows_of(kScaleKnown)][kColumns];
+  Mask<T> valid = normalise(row, kScaleKnown ? scale : 0.0, p.units, m);
+  valid &= eliminate<kGivers>(m);
   for (int r = 0; r < 4; ++r)
     for (int k = 0; k < kColumns; ++k) p.rows[r][k] = m[r][k];
   for (int j = 0; j < 3; ++j) {
-    const T(&k)[kColumns] = m[4 + j];
+    const T(&k)[kColumns] = m[kGivers + j];
     const Vec3<T> c0{k[4], k[5], k[6]}, c1{k[7], k[8], k[9]}, c2{k[10], k[11], k[12]};
     for (int c = 0; c < 3; ++c)  // K . (R tilt^T) = (K tilt) . R
       p.equation[j][c] =
           broadcast<T>(kTilt[0][c]) * c0 + broadcast<T>(kTilt[1][c]) * c1 + broadcast<T>(kTilt[2][c]) * c2;
+    p.constant[j] = kScaleKnown ? k[3] : T{};
   }
-  Forms<T> forms = forms_of(p.equation);
+  Forms<T> forms = forms_of(p.equation, p.constant);
   p.eliminated = choose(forms);
   for (int i = 0; i < 4; ++i) forms.swap(swaps(p.eliminated, i), kSwaps[i][0], kSwaps[i][1]);
   Reduced<T> reduced[3];
@@ -277,7 +217,8 @@ SONOCAL_INLINE Quaternion<T> quaternion_at(const Problem<T>& p, const T& x) {
 // Newton on the three equations over rotations: d/dw of K . exp([w]) R is sum_c r_c x k_c. The polynomial
 // has lost digits that the equations still hold. True where it came to rest.
 template <class T>
-SONOCAL_INLINE Mask<T> polish(const Vec3<T> (&equation)[3][3], Mask<T> going, Quaternion<T>& q) {
+SONOCAL_INLINE Mask<T> polish(const Vec3<T> (&equation)[3][3], const T (&constant)[3], Mask<T> going,
+                              Quaternion<T>& q) {
   T last = broadcast<T>(1);
   for (int iteration = 0; iteration < 5 && any(going); ++iteration) {
     Vec3<T> r[3], row[3];
@@ -286,7 +227,7 @@ SONOCAL_INLINE Mask<T> polish(const Vec3<T> (&equation)[3][3], Mask<T> going, Qu
     for (int j = 0; j < 3; ++j) {
       const Vec3<T>(&k)[3] = equation[j];
       row[j] = cross(r[0], k[0]) + cross(r[1], k[1]) + cross(r[2], k[2]);
-      residual[j] = dot(r[0], k[0]) + dot(r[1], k[1]) + dot(r[2], k[2]);
+      residual[j] = dot(r[0], k[0]) + dot(r[1], k[1]) + dot(r[2], k[2]) + constant[j];
     }
     const Vec3<T> c0 = cross(row[1], row[2]);
     const Vec3<T> step = (-0.5 / dot(row[0], c0)) * (residual[0] * c0 + residual[1] * cross(row[2], row[0]) +
@@ -302,8 +243,8 @@ SONOCAL_INLINE Mask<T> polish(const Vec3<T> (&equation)[3][3], Mask<T> going, Qu
   return last < 1e-12;
 }
 
-// The fourth row gives the scale, the first three the translation.
-template <class T>
+// The fourth row gives the scale where it is not known, the first three the translation.
+template <bool kScaleKnown, class T>
 SONOCAL_INLINE void finish(const Problem<T>& p, const Quaternion<T>& q, Candidate<T>& out) {
   Vec3<T> r[3];
   q.columns(r);
@@ -311,25 +252,15 @@ SONOCAL_INLINE void finish(const Problem<T>& p, const Quaternion<T>& q, Candidat
     out.column[c] = broadcast<T>(kTilt[c][0]) * r[0] + broadcast<T>(kTilt[c][1]) * r[1] +
                     broadcast<T>(kTilt[c][2]) * r[2];
   T times_s[4];
-  for (int i = 0; i < 4; ++i) {
+  for (int i = 0; i < givers_of(kScaleKnown); ++i) {
     const T(&m)[kColumns] = p.rows[i];
     times_s[i] = dot({m[4], m[5], m[6]}, out.column[0]) + dot({m[7], m[8], m[9]}, out.column[1]) +
                  dot({m[10], m[11], m[12]}, out.column[2]);
   }
-  const T scale = -p.rows[3][3] / times_s[3];
-  T t[3];
-  for (int i = 3; i-- > 0;) {
-    T sum = scale * times_s[i] + p.rows[i][3];
-    for (int k = i + 1; k < 3; ++k) sum += p.rows[i][k] * t[k];
-    t[i] = -sum / p.rows[i][i];
-  }
-  out.scale = scale * p.size / p.image_size;
-  const Vec3<T>& centre = p.image_centre;
-  out.translation =
-      p.centre + p.size * Vec3<T>{t[0], t[1], t[2]} -
-      out.scale * (centre.x * out.column[0] + centre.y * out.column[1] + centre.z * out.column[2]);
-  out.valid =
-      (out.scale > 0.0) & finite(out.scale + out.translation.x + out.translation.y + out.translation.z);
+  const T scale = kScaleKnown ? broadcast<T>(1) : -p.rows[3][3] / times_s[3];
+  T right[3];
+  for (int i = 0; i < 3; ++i) right[i] = scale * times_s[i] + p.rows[i][3];
+  denormalise(p.units, scale, translation_of(p.rows, right), out);
 }
 
 // The problems of other lanes, one for each root.
@@ -345,7 +276,7 @@ SONOCAL_INLINE Problem<Pack> deal(const Problem<Pack>& p, const PackMask& lane) 
 
 // Solutions at the roots of the polynomial, or, with `between`, where |p| has a minimum above zero: near the
 // real part of a complex pair that noise has parted.
-template <int N>
+template <bool kScaleKnown, int N>
 SONOCAL_INLINE void append_roots(const Problem<Pack>& problem, const Polynomial<Pack, N>& p,
                                  const PackMask& valid, bool between, int problems, BatchOut out) {
   Brackets<N> brackets;
@@ -365,40 +296,46 @@ SONOCAL_INLINE void append_roots(const Problem<Pack>& problem, const Polynomial<
     PackMask wanted = x == x;
     if (between) wanted &= evaluate(derivative(own_p), x) * evaluate(own.polynomial, x) > 0.0;
     Quaternion<Pack> q = quaternion_at(own, x);
-    if (!between) wanted &= polish(own.equation, wanted, q);
+    if (!between) wanted &= polish(own.equation, own.constant, wanted, q);
     Candidate<Pack> candidate;
-    finish(own, q, candidate);
+    finish<kScaleKnown>(own, q, candidate);
     append<kMost>(candidate, wanted & candidate.valid, lane, roots, out);
   }
 }
 
-SONOCAL_INLINE void pack(const double* points, const double* planes, int rows, int problems, bool real_parts,
-                         BatchOut out) {
-  Row<Pack> row[7];
-  for (int i = 0; i < 7; ++i) {
-    row[i].point = gather3(points + 3 * i, 3 * rows, problems - 1);
-    row[i].normal = gather3(planes + 4 * i, 4 * rows, problems - 1);
-    for (int b = 0; b < kWidth; ++b)
-      row[i].offset[b] =
-          planes[static_cast<std::size_t>(b < problems ? b : problems - 1) * 4 * rows + 4 * i + 3];
-  }
+template <bool kScaleKnown>
+SONOCAL_INLINE void pack(const double* points, const double* planes, int rows, double scale, int problems,
+                         bool real_parts, BatchOut out) {
+  PointPlane<Pack> row[rows_of(kScaleKnown)];
+  gather_rows(points, planes, rows, problems, row);
   Problem<Pack> problem;
-  const PackMask valid = prepare(row, problem);
+  const PackMask valid = prepare<kScaleKnown>(row, scale, problem);
   for (int b = 0; b < problems; ++b) out.counts[b] = 0;
-  append_roots(problem, problem.polynomial, valid, false, problems, out);
-  if (real_parts) append_roots(problem, derivative(problem.polynomial), valid, true, problems, out);
+  append_roots<kScaleKnown>(problem, problem.polynomial, valid, false, problems, out);
+  if (real_parts)
+    append_roots<kScaleKnown>(problem, derivative(problem.polynomial), valid, true, problems, out);
   fill_rest<kMost>(problems, out);
+}
+
+template <bool kScaleKnown>
+SONOCAL_INLINE void range(const double* points, const double* planes, std::size_t size, int rows,
+                          double scale, bool real_parts, BatchOut out) {
+  for (std::size_t b = 0; b < size; b += kWidth)
+    pack<kScaleKnown>(points + b * rows * 3, planes + b * rows * 4, rows, scale,
+                      size - b < kWidth ? static_cast<int>(size - b) : kWidth, real_parts,
+                      {out.matrices + b * 16 * kMost, out.counts + b});
 }
 
 }  // namespace general
 
-// Points (size, rows, 3) and planes (size, rows, 4), rows >= 7: the first seven are solved.
+// Points (size, rows, 3) and planes (size, rows, 4): the first seven are solved, or the first six where the
+// scale > 0 is known.
 SONOCAL_INLINE void three_quadrics_range(const double* points, const double* planes, std::size_t size,
-                                         int rows, bool real_parts, BatchOut out) {
-  for (std::size_t b = 0; b < size; b += kWidth)
-    general::pack(points + b * rows * 3, planes + b * rows * 4, rows,
-                  size - b < kWidth ? static_cast<int>(size - b) : kWidth, real_parts,
-                  {out.matrices + b * 16 * general::kMost, out.counts + b});
+                                         int rows, double scale, bool real_parts, BatchOut out) {
+  if (scale > 0)
+    general::range<true>(points, planes, size, rows, scale, real_parts, out);
+  else
+    general::range<false>(points, planes, size, rows, scale, real_parts, out);
 }
 
 }  // namespace sonocal
