@@ -23,10 +23,12 @@ from sonocal.registration.constraints import (
     rank,
     rows,
 )
+from sonocal.registration.model_test import ModelTest
 from sonocal.registration.register import Registration, register
 
 __all__ = [
     "FreeMotion",
+    "ModelTest",
     "Registration",
     "Rows",
     "line_line",
