@@ -1,151 +1,208 @@
-"""What a needle, wires, cross-wires and walls are worth, from images to a calibration, at the same number of images.
+"""What walls, cross-wires and wires are worth beside a needle, from images to an answer; and what odd tanks are answered.
 
-python -m benchmarks.walls [--seeds 10] [--frames 60 120] [--rows needle walls ...] [--write docs/detection.md]
+python -m benchmarks.walls [--seeds 20] [--first 1000] [--only scenes detection odd] [--write docs/detection.md]
 
-Images are simulated in water, with other bright things in view, a tenth of them without a target; noise of 0.5 px in
-the image, and of 0.3 mm of the probe's marker about the image's middle or of the needle's ends. The place of what is
-fixed in the room is known. Errors are of points spread over the image. A second table is of detection alone, in
-pictures of `simulators.wall_pictures`, which shares nothing with the detector nor with sonocal's simulation.
+Images are those of `simulators.tank_images`, which shares nothing with the detector nor with sonocal's simulation: 30 a
+scan, of 300 x 300 px and 0.36 mm, a tenth of them without what is scanned, two other bright things in each; markers are
+tracked to 0.2 mm and 0.0015 rad. The place of what is fixed in the room is known. Errors are of points spread over what
+the fan shows. Settings were found on seeds below 100.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import sonocal as sc
-from benchmarks.simulators.wall_pictures import wall_picture
-from sonocal.detection import WallDetector
+from benchmarks.pages import tell
+from benchmarks.simulators.tank_images import Probe, Tank, Wall, tank_image
+from benchmarks.simulators.tank_scans import Scan, tank_scan
+from sonocal.detection import WallDetector, find_mask
+from sonocal.recording import ArrayFrames
 from sonocal.registration.uncertainty import point_covariance, radius_95
-from sonocal.simulation.sweep import SweepOptions, simulate_sweep
-from sonocal.simulation.target_sweep import TargetOptions, scene_of, simulate_targets
-from sonocal.simulation.ultrasound import BATH
 from sonocal.sweep import calibrate_recording
 
-BEGIN, END = "<!-- walls: written by benchmarks/walls.py -->", "<!-- end of walls -->"
-ROWS = {
+SCENES = {
     "needle": "needle, moved about",
     "wires": "nine wires",
     "cross-wire": "one cross-wire",
     "cross-wires": "four cross-wires",
-    "wall": "one wall: the floor",
-    "walls": "the floor and four walls",
+    "wall": "one wall",
+    "walls": "four walls",
 }
-SIGMA_PX, SIGMA_MM, HIDDEN = 0.5, 0.3, 0.1
-SIDE_PX = 500.0
-PICTURES = 60
+ODD: dict[str, dict[str, Any]] = {
+    "eight times the gain": {"tank": Tank(gain=8.0)},
+    "an eighth of the gain": {"tank": Tank(gain=0.125)},
+    "the second face brighter than the first": {"tank": Tank(behind=1.6)},
+    "a thick slice (4 mm)": {"tank": Tank(slice_mm=4.0)},
+    "a third of the wall in view": {"part": (0.35, 0.65)},
+    "held aslant, so that a mirror fades": {"tilt": 0.5, "tank": Tank(mirror=0.1)},
+    "a needle before the wall": {"needle_in_front": True, "tank": Tank(shadow=0.3)},
+    "another wall 12 mm above it": {"other_mm": 12.0},
+    "no wall in any image": {"hidden": 1.0},
+    "no wall in half of the images": {"hidden": 0.5},
+}
+PICTURES: dict[str, tuple[Tank, Probe]] = {
+    "in water": (Tank(), Probe()),
+    "linear array": (Tank(), Probe(radius_mm=0.0)),
+    "speckle six times as strong": (Tank(speckle=0.03), Probe()),
+    "eight times the gain": (Tank(gain=8.0), Probe()),
+    "a slice of 4 mm": (Tank(slice_mm=4.0), Probe()),
+    "no wall": (Tank(rough=0.0, behind=0.0, gain=0.5), Probe()),
+}
+FAR_OFF = 3.0
+"""Times the predicted error: an answer that is so far off without a warning is confidently wrong."""
 
 
 class Trial(NamedTuple):
-    """Errors at places over the image, mm, with what was predicted there, if it was; and the share of images used."""
+    """Errors at places over the image, mm, with what was predicted there, if it was; what was warned of; seconds."""
 
     errors: np.ndarray
     predicted: np.ndarray | None
-    used: float
+    warned: bool
+    seconds: float
+
+    @property
+    def rms(self) -> float:
+        """Over the image."""
+        return float(np.sqrt(np.mean(self.errors**2)))
+
+    @property
+    def confidently_wrong(self) -> bool:
+        """Whether it is far off what it says, and nothing is said."""
+        far = self.predicted is not None and bool(np.any(self.errors > FAR_OFF * self.predicted))
+        return far and not self.warned
 
 
-def trial(row: str, frames: int, seed: int) -> Trial | None:
+def trial(scan: Scan, probe: Probe, **options: Any) -> Trial | None:
     """One recording to a calibration; None where it is refused."""
-    if row == "needle":
-        how = SweepOptions(
-            frames=frames, rate_hz=8.0, sigma_px=SIGMA_PX, sigma_mm=SIGMA_MM, hidden_share=HIDDEN, seed=seed
-        )
-        needle = simulate_sweep(look=BATH, options=how)
-        recording, targets, truth = needle.recording, needle.lines, needle.truth.probe_from_image
-    else:
-        options = TargetOptions(frames, sigma_px=SIGMA_PX, sigma_mm=SIGMA_MM, hidden_share=HIDDEN, seed=seed)
-        seen = simulate_targets(scene_of(row), look=BATH, options=options)
-        recording, targets, truth = seen.recording, seen.targets, seen.truth.probe_from_image
+    begun = time.process_time()
     try:
-        found = calibrate_recording(recording, targets, **({"count": 15} if row == "wires" else {}))
+        found = calibrate_recording(scan.recording, scan.targets, **options).calibration
     except sc.SonocalError:
         return None
-    calibration, places = found.calibration, _places()
-    errors = np.linalg.norm(calibration.probe_from_image @ places - truth @ places, axis=1)
+    seconds, places = time.process_time() - begun, _places(probe)
+    errors = np.linalg.norm(found.probe_from_image @ places - scan.truth @ places, axis=1)
     predicted = None
-    if calibration.covariance is not None:
-        about = calibration.probe_from_image, calibration.covariance, places[:, :2]
-        predicted = radius_95(point_covariance(*about), calibration.noise.freedom)
-    return Trial(errors, predicted, found.used / found.sightings)
+    if found.covariance is not None:
+        covariances = point_covariance(found.probe_from_image, found.covariance, places[:, :2])
+        predicted = radius_95(covariances, found.noise.freedom)
+    return Trial(errors, predicted, bool(found.warnings), seconds)
 
 
-def _places() -> np.ndarray:
-    grid = np.stack(np.meshgrid(*[np.linspace(0, SIDE_PX - 1, 6)] * 2), axis=-1).reshape(-1, 2)
-    return np.column_stack([grid, np.zeros(len(grid))])
+def _places(probe: Probe) -> np.ndarray:
+    """(N, 3), px: spread over where beams run."""
+    ticks = np.linspace(0, probe.side_px - 1, 9)
+    grid = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    beam, far = probe.beam_of(grid * probe.mm_per_px)
+    seen = grid[(beam >= 0) & (beam <= probe.beams - 1) & (far >= 0)]
+    return np.column_stack([seen, np.zeros(len(seen))])
 
 
-def of_row(row: str, frames: int, seeds: int) -> str:
-    """A line of the table."""
-    trials = [trial(row, frames, seed) for seed in range(seeds)]
-    there = [one for one in trials if one is not None]
-    if not there:
-        return f"| {ROWS[row]} | {frames} | - | - | - | - | {seeds} |"
-    errors = np.array([one.errors for one in there])
-    predicted = [one.predicted for one in there if one.predicted is not None]
-    worst = np.sqrt(np.mean(errors**2, axis=1)).max()
-    told = "not predicted | -"
-    if predicted:
-        right = np.mean([np.mean(one.errors <= one.predicted) for one in there if one.predicted is not None])
-        told = f"{np.sqrt(np.mean(np.square(predicted))):.2f} | {100 * right:.0f} %"
-    rms = float(np.sqrt(np.mean(errors**2)))
-    return f"| {ROWS[row]} | {frames} | {rms:.2f} | {worst:.2f} | {told} | {seeds - len(there)} |"
-
-
-def table(rows: list[str], frames: list[int], seeds: int) -> Iterator[str]:
-    """Of calibrations."""
+def scenes(seeds: Iterable[int]) -> Iterator[tuple[str, str]]:
+    """Of calibrations: what is scanned by turns."""
+    seeds, probe = list(seeds), Probe()
     yield (
-        f"| what is scanned, {seeds} seeds | images | rms error, mm | worst seed | predicted (95 %), mm | within it "
-        "| refused |"
+        "walls",
+        f"| what is scanned, {len(seeds)} seeds | rms error, mm | worst seed | predicted (95 %), mm | within it | "
+        "refused | time, s |",
     )
-    yield "|---|---|---|---|---|---|---|"
-    for row in rows:
-        for count in frames:
-            line = of_row(row, count, seeds)
-            print(line, flush=True)
-            yield line
+    yield "walls", "|---|---|---|---|---|---|---|"
+    for scene, name in SCENES.items():
+        options = {"count": 15} if scene == "wires" else {}
+        trials = [trial(tank_scan(seed, scene), probe, **options) for seed in seeds]
+        yield "walls", _of_scene(name, [one for one in trials if one is not None], len(seeds))
 
 
-def pictures() -> Iterator[str]:
-    """Of detection alone."""
-    yield f"| {PICTURES} pictures each | found first | rms error, px | mean, px | normalised errors' mean square |"
-    yield "|---|---|---|---|---|"
-    for name, how in {
-        "in water": {},
-        "in speckle at a tenth of the wall": {"speckle": 0.1},
-        "six times the gain": {"gain": 6.0},
-        "a slice of twice the thickness": {"slice_px": 10.0},
-    }.items():
-        yield f"| {name} | {_detected(how)} |"
+def _of_scene(name: str, there: list[Trial], count: int) -> str:
+    if not there:
+        return f"| {name} | - | - | - | - | {count} | - |"
+    rms = np.sqrt(np.mean([one.rms**2 for one in there]))
+    told = [(one.errors, one.predicted) for one in there if one.predicted is not None]
+    says = "not predicted | -"
+    if told:
+        within = np.mean([np.mean(errors <= predicted) for errors, predicted in told])
+        usual = np.sqrt(np.mean([np.mean(predicted**2) for _, predicted in told]))
+        says = f"{usual:.2f} | {100 * within:.0f} %"
+    seconds = np.median([one.seconds for one in there])
+    worst = max(one.rms for one in there)
+    return f"| {name} | {rms:.2f} | {worst:.2f} | {says} | {count - len(there)} | {seconds:.1f} |"
 
 
-def _detected(how: dict[str, float]) -> str:
-    errors, normalised = [], []
-    for seed in range(PICTURES):
-        rng = np.random.default_rng([11, seed])
-        tilt, lean, depth = rng.normal(scale=0.3), rng.normal(scale=0.12), rng.uniform(110, 290)
-        image = wall_picture(rng, tilt=tilt, lean=lean, depth_px=depth, **how)
-        walls, _ = WallDetector(np.ones(image.shape, dtype=bool)).detect(image)
+def odd(seeds: Iterable[int]) -> Iterator[tuple[str, str]]:
+    """Of scans of one wall in which something is not as it should be."""
+    seeds, probe = list(seeds), Probe()
+    yield (
+        "odd-walls",
+        f"| one wall, {len(seeds)} seeds | refused | answered with a warning | without | rms error, mm | predicted "
+        "(95 %), mm | confidently wrong |",
+    )
+    yield "odd-walls", "|---|---|---|---|---|---|---|"
+    for name, how in ({"as it should be": {}} | ODD).items():
+        trials = [trial(tank_scan(seed, "walls", **how), probe) for seed in seeds]
+        there = [one for one in trials if one is not None]
+        warned, wrong = sum(one.warned for one in there), sum(one.confidently_wrong for one in there)
+        rms, told = "-", "-"
+        if there:
+            rms = f"{np.sqrt(np.mean([one.rms**2 for one in there])):.2f}"
+            means = [np.mean(one.predicted**2) for one in there if one.predicted is not None]
+            told = f"{np.sqrt(np.mean(means)):.2f}" if means else "not predicted"
+        counts = f"{len(seeds) - len(there)} | {warned} | {len(there) - warned}"
+        yield "odd-walls", f"| {name} | {counts} | {rms} | {told} | {wrong} |"
+
+
+def detection(seeds: Iterable[int]) -> Iterator[tuple[str, str]]:
+    """Of single images: where the best candidate lies."""
+    seeds = list(seeds)
+    yield (
+        "wall-images",
+        f"| {len(seeds)} images each | found first | others before it | rms error, px | mean, px | normalised errors' "
+        "mean square |",
+    )
+    yield "wall-images", "|---|---|---|---|---|---|"
+    for name, (tank, probe) in PICTURES.items():
+        yield "wall-images", f"| {name} | {_detected(tank, probe, seeds, shown=name != 'no wall')} |"
+
+
+def _detected(tank: Tank, probe: Probe, seeds: list[int], *, shown: bool) -> str:
+    drawn = [_picture(tank, probe, seed, shown=shown) for seed in seeds]
+    stack = np.array([image for image, _, _ in drawn])
+    detector = WallDetector(find_mask(ArrayFrames(stack), 2, "pictures"))
+    off, normalised, others = [], [], 0
+    for image, through, normal in drawn:
+        walls, _ = detector.detect(image)
         if not walls:
             continue
-        points = walls[0].points_px
-        middle = 0.5 * (image.shape[1] - 1)
-        off = (points[:, 1] - depth - np.tan(tilt) * (points[:, 0] - middle)) * np.cos(tilt)
-        if np.abs(off).max() < 5:
-            errors.append(off)
-            normalised.append(off / np.sqrt(np.trace(walls[0].covariance_px2, axis1=1, axis2=2)))
-    off, square = np.array(errors), np.mean(np.square(normalised))
-    return f"{len(off)} | {np.sqrt(np.mean(off**2)):.2f} | {off.mean():+.2f} | {square:.2f}"
+        away = (walls[0].points_px - through) @ normal
+        if not shown or np.abs(away).max() > 5:
+            others += 1
+            continue
+        off.append(away)
+        variance = np.einsum("i,pij,j->p", normal, walls[0].covariance_px2, normal)
+        normalised.append(away / np.sqrt(variance))
+    if not off:
+        return f"{len(off)} | {others} | - | - | -"
+    rms, mean = np.sqrt(np.mean(np.square(off))), np.mean(off)
+    return f"{len(off)} | {others} | {rms:.2f} | {mean:+.2f} | {np.mean(np.square(normalised)):.2f}"
 
 
-def write(path: Path, text: str) -> None:
-    """The tables into a page, between its marks."""
-    before, rest = path.read_text(encoding="utf-8").split(BEGIN)
-    after = rest.split(END)[1]
-    path.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
+def _picture(tank: Tank, probe: Probe, seed: int, *, shown: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An image, a point of its wall, px, and the wall's normal in the image, away from the probe."""
+    rng = np.random.default_rng([seed, 11])
+    tilt, lean, depth = 0.25 * rng.normal(), 0.12 * rng.normal(), rng.uniform(0.3, 0.85) * probe.side_mm
+    normal = np.array([np.sin(tilt) * np.cos(lean), np.cos(tilt) * np.cos(lean), np.sin(lean)])
+    through = np.array([0.5 * probe.side_mm, depth])
+    wall = Wall(normal, float(normal[:2] @ through))
+    image = tank_image(rng, probe, tank, (wall,) if shown else ())
+    return image, through / probe.mm_per_px, normal[:2] / np.linalg.norm(normal[:2])
+
+
+PARTS = {"scenes": scenes, "detection": detection, "odd": odd}
 
 
 def main() -> None:
@@ -153,15 +210,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--frames", type=int, nargs="+", default=[60, 120])
-    parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS))
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=1000, help="first seed")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--write", type=Path, help="into this page, between its marks")
     given = parser.parse_args()
-    text = "\n".join([*table(given.rows, given.frames, given.seeds), "", *pictures()])
-    print(text)
-    if given.write:
-        write(given.write, text)
+    seeds = range(given.first, given.first + given.seeds)
+    tell((line for part in given.only for line in PARTS[part](seeds)), given.write)
 
 
 if __name__ == "__main__":

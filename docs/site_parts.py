@@ -23,7 +23,7 @@ THEIRS = re.compile(
 )
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
-    "Cell", "Centre", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Keywords", "MappedRows", "MappedTargets",
+    "Cell", "Centre", "CrosswireFit", "Detector", "Images", "Fan", "Fit", "Fixed", "Keywords", "MappedRows", "MappedTargets",
     "Model", "Noise", "OnInvalid", "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows",
     "Table", "TargetRows", "Weighting",
 }  # fmt: skip

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 
-__all__ = ["WallEcho", "wall_echo"]
+__all__ = ["STEP_PX", "WallEcho", "sampled", "wall_echo"]
 
 STEP_PX = 0.5
 WHITE = 250.0
@@ -67,8 +67,8 @@ def wall_echo(
     from scipy.ndimage import gaussian_filter1d
 
     steps = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)
-    sections = _sampled(grey, stations, normal, steps)
-    seen = _sampled(mask.astype(np.float32), stations, normal, steps)
+    sections = sampled(grey, stations, normal, steps)
+    seen = sampled(mask.astype(np.float32), stations, normal, steps)
     whole = np.asarray(np.all(seen > 0.99, axis=1))
     if stations.shape[1] == 2 and len(stations) > 1:
         weight = gaussian_filter1d(whole.astype(float), ALONG_PX)
@@ -86,7 +86,7 @@ def wall_echo(
     return WallEcho(away, np.where(shown, contrast, 0.0))
 
 
-def _sampled(values: NDArray[np.float32], stations: Array, normal: Array, steps: Array) -> Array:
+def sampled(values: NDArray[np.float32], stations: Array, normal: Array, steps: Array) -> Array:
     """(N, S): along the normal through every station; 0 beyond the rim."""
     from scipy.ndimage import map_coordinates
 

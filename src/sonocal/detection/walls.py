@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.detection.grey import as_grey
+from sonocal.detection.sheet_contrast import stands_out
 from sonocal.detection.sheet_echo import wall_echo
 from sonocal.detection.sheet_fit import Sheet, fit_sheet
 from sonocal.detection.sheet_search import NEAR_PX, Ridges, find_ridges, strongest_sheet
@@ -148,6 +149,9 @@ class WallDetector:
             places = stations[seen] + echo.away_px[seen, None] * normal
             sheet = fit_sheet(places, normal, self._correlated)
             places, normal = places[sheet.used], sheet.normal
+        on_sheet = stations - ((stations - sheet.middle) @ sheet.normal)[:, None] * sheet.normal
+        if not stands_out(grey, self._mask, on_sheet, sheet.normal, self._reach, self._correlated):
+            return NOTHING
         return self._judged(sheet, places, strength)
 
     def _judged(self, sheet: Sheet, places: Array, strength: float) -> WallCandidate | str:
