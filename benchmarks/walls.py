@@ -1,4 +1,4 @@
-"""What walls, cross-wires and wires are worth beside a needle, from images to an answer; and what odd tanks are answered.
+"""What walls, cross-wires and wires are worth beside a needle, from images to an answer; and what odd tanks are told.
 
 python -m benchmarks.walls [--seeds 20] [--first 1000] [--only scenes detection odd] [--write docs/detection.md]
 
@@ -191,7 +191,9 @@ def _detected(tank: Tank, probe: Probe, seeds: list[int], *, shown: bool) -> str
     return f"{len(off)} | {others} | {rms:.2f} | {mean:+.2f} | {np.mean(np.square(normalised)):.2f}"
 
 
-def _picture(tank: Tank, probe: Probe, seed: int, *, shown: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _picture(
+    tank: Tank, probe: Probe, seed: int, *, shown: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """An image, a point of its wall, px, and the wall's normal in the image, away from the probe."""
     rng = np.random.default_rng([seed, 11])
     tilt, lean, depth = 0.25 * rng.normal(), 0.12 * rng.normal(), rng.uniform(0.3, 0.85) * probe.side_mm

@@ -153,7 +153,9 @@ def tank_image(
     # A pulse adds what falls into its length: of one echo the height is 1, and of noise in every step its root.
     height = np.sqrt(2 * np.pi) * PULSE_MM / STEP_MM
     echoes.sums += tank.speckle / np.sqrt(height / np.sqrt(2)) * _noise(rng, echoes.sums.shape)
-    blurred = [gaussian_filter1d(one, PULSE_MM / STEP_MM, axis=1) for one in (echoes.sums.real, echoes.sums.imag)]
+    blurred = [
+        gaussian_filter1d(one, PULSE_MM / STEP_MM, axis=1) for one in (echoes.sums.real, echoes.sums.imag)
+    ]
     amplitude = tank.gain * height * np.hypot(*blurred) + 1e-4
     grey = 255 * (1 + 20 * np.log10(amplitude) / 60)
     return _converted(np.clip(grey, 0, 255), probe)
@@ -165,10 +167,13 @@ def _add_wall(echoes: _Echoes, wall: Wall, tank: Tank, rng: np.random.Generator)
     index = np.arange(probe.beams)
     fading = np.exp(0.3 * gaussian_filter1d(rng.normal(size=probe.beams), 8.0) * 5.3)
     facing = way @ wall.normal[:2]
-    tilt, lean = np.arccos(np.clip(facing / np.linalg.norm(wall.normal[:2]), -1, 1)), np.arcsin(wall.normal[2])
+    tilt, lean = (
+        np.arccos(np.clip(facing / np.linalg.norm(wall.normal[:2]), -1, 1)),
+        np.arcsin(wall.normal[2]),
+    )
     mirror = fading * np.exp(-0.5 * (tilt**2 + lean**2) / tank.mirror**2)
     far = (wall.offset - start @ wall.normal[:2]) / facing
-    _add_faces(echoes, wall, tank, index, far, facing, mirror.astype(complex))
+    _add_faces(echoes, wall, tank, _Met(index, far, facing, mirror.astype(complex)))
     aside, out = np.meshgrid(SIDE * LATERAL_MM, OUT * tank.slice_mm, indexing="ij")
     weight = np.exp(-0.5 * (aside / LATERAL_MM) ** 2 - 0.5 * (out / tank.slice_mm) ** 2)
     weight = weight / np.sqrt(np.sum(weight**2))
@@ -179,26 +184,28 @@ def _add_wall(echoes: _Echoes, wall: Wall, tank: Tank, rng: np.random.Generator)
     size = tank.rough * fading[:, None, None] * weight * phases
     every = np.broadcast_to(index[:, None, None], spread.shape)
     facings = np.broadcast_to(facing[:, None, None], spread.shape)
-    _add_faces(echoes, wall, tank, *(one.reshape(-1) for one in (every, spread, facings, size)))
+    _add_faces(echoes, wall, tank, _Met(*(one.reshape(-1) for one in (every, spread, facings, size))))
 
 
-def _add_faces(
-    echoes: _Echoes,
-    wall: Wall,
-    tank: Tank,
-    beam: NDArray[Any],
-    far: Array,
-    facing: Array,
-    size: NDArray[np.complex128],
-) -> None:
+class _Met(NamedTuple):
+    """Where beams meet a wall: which, how far, the cosine to its normal, and what comes back."""
+
+    beam: NDArray[Any]
+    far: Array
+    facing: Array
+    size: NDArray[np.complex128]
+
+
+def _add_faces(echoes: _Echoes, wall: Wall, tank: Tank, met: _Met) -> None:
     """The first face, the other one, and what went to the wall twice."""
     start, way = echoes.probe.rays()
-    across = (start[beam, 0] + far * way[beam, 0]) / echoes.probe.side_mm
-    keep = (facing > 0.05) & (far > 0) & (across >= wall.part[0]) & (across <= wall.part[1])
-    beam, far, facing, size = beam[keep], far[keep], facing[keep], wall.strength * size[keep]
+    across = (start[met.beam, 0] + met.far * way[met.beam, 0]) / echoes.probe.side_mm
+    keep = (met.facing > 0.05) & (met.far > 0) & (across >= wall.part[0]) & (across <= wall.part[1])
+    beam, far, facing, size = (column[keep] for column in met)
     further = (0 * far, tank.behind_mm / facing, far)
     for more, share in zip(further, (1.0, tank.behind, tank.twice), strict=True):
-        echoes.add(beam, far + more, share * size * np.exp(-4j * np.pi * (far + more) / WAVE_MM))
+        phase = np.exp(-4j * np.pi * (far + more) / WAVE_MM)
+        echoes.add(beam, far + more, wall.strength * share * size * phase)
 
 
 def _add_thread(echoes: _Echoes, thread: Thread, tank: Tank, rng: np.random.Generator) -> None:
@@ -216,7 +223,12 @@ def _add_thread(echoes: _Echoes, thread: Thread, tank: Tank, rng: np.random.Gene
     point, beam = np.nonzero((np.abs(aside) < 3 * LATERAL_MM) & (far > 0))
     far, aside, out = far[point, beam], aside[point, beam], points[point, 2]
     rough = 1 + 1.0 * _noise(rng, (len(points),))[point]
-    size = thread.strength * 0.12 * rough * np.exp(-0.5 * (aside / LATERAL_MM) ** 2 - 0.5 * (out / tank.slice_mm) ** 2)
+    size = (
+        thread.strength
+        * 0.12
+        * rough
+        * np.exp(-0.5 * (aside / LATERAL_MM) ** 2 - 0.5 * (out / tank.slice_mm) ** 2)
+    )
     for bounce in range(6 if thread.tail else 1):
         more = far + 1.1 * bounce
         echoes.add(beam, more, thread.tail**bounce * size * np.exp(-4j * np.pi * more / WAVE_MM))

@@ -58,7 +58,8 @@ def tank_scan(
         scene: one of `SCENES`.
         frames: images.
         hidden: share of images that show none of it.
-        probe, tank: what images look like.
+        probe: what takes the images.
+        tank: what they look like.
         part: of the image's width in which a wall is seen.
         other_mm: another wall, parallel, so far above the one that the file of targets names; None: there is none.
         needle_in_front: a thread that nothing names crosses the slice before the wall, and shades it.
@@ -88,7 +89,7 @@ def tank_scan(
         times=np.arange(frames) / 5.0,
         frames=ArrayFrames(stack),
         poses=poses,
-        image=ImageGeometry.of(stack),
+        image=ImageGeometry.of(ArrayFrames(stack)),
         provenance=Provenance(name=f"{scene}, seed {seed}"),
     )
     return Scan(recording, targets, truth)
@@ -119,13 +120,13 @@ def _side(name: str, which: int) -> Plane:
 def _wire(layer: int, place: int) -> Line:
     angle = np.pi / 3 * layer
     along = np.array([np.cos(angle), np.sin(angle), 0.15])
-    middle = 24.0 * (place - 1) * np.array([-np.sin(angle), np.cos(angle), 0]) + [0, 0, 14.0 * (layer - 1)]
+    middle = 16.0 * (place - 1) * np.array([-np.sin(angle), np.cos(angle), 0]) + [0, 0, 10.0 * (layer - 1)]
     return Line(f"wire {3 * layer + place}", "Tracker", middle + THREAD_MM / 2 * np.array([-along, along]))
 
 
 def _held(target: Target, probe: Probe, tilt: float, rng: np.random.Generator) -> Array:
     """(4, 4), mm: the image from the target's frame, so that the image shows it."""
-    reach = 0.3 if probe.radius_mm else 0.4
+    reach = (0.3 if probe.radius_mm else 0.4) if target.frame == "Needle" else 0.2
     at = np.array([(0.5 + reach * rng.uniform(-1, 1)), rng.uniform(0.3, 0.85), 0.0]) * probe.side_mm
     if isinstance(target, Plane):
         middle = target.points_mm.mean(axis=0)
@@ -141,7 +142,9 @@ def _held(target: Target, probe: Probe, tilt: float, rng: np.random.Generator) -
         leaning = Rotation.from_rotvec(TURN_RAD * rng.normal(size=3))
         at[2] = OFF_SLICE_MM * rng.normal() if isinstance(target, Point) else 0.0
     turn = Rotation.from_rotvec(rng.uniform(-np.pi, np.pi) * np.array([0.0, 1.0, 0.0]))
-    rotation = leaning.as_matrix() @ (_facing(target, down) if isinstance(target, Line) else turn.as_matrix() @ _upright(down))
+    rotation = leaning.as_matrix() @ (
+        _facing(target, down) if isinstance(target, Line) else turn.as_matrix() @ _upright(down)
+    )
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, at - rotation @ place
     return pose
@@ -165,7 +168,9 @@ def _upright(down: Array) -> Array:
 
 def _facing(line: Line, down: Array) -> Array:
     """A rotation that brings a direction to the depth, and a line across it to the slice's normal."""
-    along = (line.segment_mm[1] - line.segment_mm[0]) / np.linalg.norm(line.segment_mm[1] - line.segment_mm[0])
+    along = (line.segment_mm[1] - line.segment_mm[0]) / np.linalg.norm(
+        line.segment_mm[1] - line.segment_mm[0]
+    )
     return np.stack([np.cross(down, along), down, along])
 
 
@@ -184,9 +189,7 @@ def _in_view(
         return (), tuple(Thread(place + 40.0 * np.array([-way, way])) for way in ways)
     seen = [one for one in targets if isinstance(one, Line)]
     tail = 0.6 if scene == "needle" else 0.0
-    return (), tuple(
-        Thread(one.segment_mm @ pose[:3, :3].T + pose[:3, 3], 2.0, tail) for one in seen
-    )
+    return (), tuple(Thread(one.segment_mm @ pose[:3, :3].T + pose[:3, 3], 2.0, tail) for one in seen)
 
 
 def _before(wall: Wall, probe: Probe, rng: np.random.Generator) -> Thread:
@@ -198,7 +201,9 @@ def _before(wall: Wall, probe: Probe, rng: np.random.Generator) -> Thread:
     return Thread(place + 40.0 * np.array([-way, way]), 3.0, 0.6)
 
 
-def _poses(image_from_target: Array, truth: Similarity, frame: str, rng: np.random.Generator) -> dict[str, Poses]:
+def _poses(
+    image_from_target: Array, truth: Similarity, frame: str, rng: np.random.Generator
+) -> dict[str, Poses]:
     """What the tracker says of the probe, and of the needle where that is what moves."""
     probe_from_image = np.eye(4)
     probe_from_image[:3, :3], probe_from_image[:3, 3] = truth.rotation, truth.translation

@@ -64,7 +64,7 @@ def test_gain_fading_gaps_spots_and_second_echoes_do_not_move_it(degrees, how):
 def test_the_second_echo_is_told_and_comes_last():
     walls, _ = detected(wall_image([0.1, 1], MIDDLE, SHAPE))
     assert [wall.is_echo for wall in walls] == [False, True]
-    assert walls[1].score < 0.2 * walls[0].score
+    assert walls[1].score < walls[0].score
 
 
 def test_shifting_mirroring_and_turning_the_image_moves_the_wall_with_it():

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.detection.grey import as_grey
-from sonocal.detection.sheet_contrast import stands_out
+from sonocal.detection.sheet_contrast import sheet_contrast
 from sonocal.detection.sheet_echo import wall_echo
 from sonocal.detection.sheet_fit import Sheet, fit_sheet
 from sonocal.detection.sheet_search import NEAR_PX, Ridges, find_ridges, strongest_sheet
@@ -46,10 +46,6 @@ FACING = np.sin(np.radians(15.0))
 """Of its normal the part along depth: where a wall is along the beams, its echoes are not below it."""
 ECHO_SHARE = 0.3
 """Of its strength: a sheet below another that is parallel and so strong, or stronger, is an echo of it."""
-OF_ECHO = 0.1
-"""What an echo's score counts: it comes behind what stands for itself."""
-LEAST_SCORE = 3.0
-"""In speckle alone sheets reach less than that, in nineteen of twenty images."""
 NOTHING, SHORT, SPARSE, BENT, EDGE = (
     "nothing straight stands out",
     "what stands out is too short",
@@ -66,7 +62,7 @@ class WallCandidate:
     Attributes:
         points_px: (D, D): points that span it, well apart: two of a line, three of a plane; (u, v[, w]).
         covariance_px2: (D, D, D): of each, across it; along it a point means nothing. They are independent.
-        score: how far it stands out, by length and brightness.
+        score: how far it stands out: grey levels, less where it is short.
         normal: (D,): unit, away from the transducer.
         is_echo: whether it lies below a parallel one that it may be an echo of.
     """
@@ -137,7 +133,7 @@ class WallDetector:
         axes = len(normal)
         on = np.abs(ridges.places @ normal - offset) <= NEAR_PX
         normal = normal * (1.0 if normal[1] >= 0 else -1.0)
-        places, strength = ridges.fine(ridges.places[on]), float(ridges.weights[on].mean())
+        places = ridges.fine(ridges.places[on])
         for _ in range(2):
             stations = _stations(places, normal, SPACING_PX[axes])
             if len(stations) < 2 * axes:
@@ -150,11 +146,12 @@ class WallDetector:
             sheet = fit_sheet(places, normal, self._correlated)
             places, normal = places[sheet.used], sheet.normal
         on_sheet = stations - ((stations - sheet.middle) @ sheet.normal)[:, None] * sheet.normal
-        if not stands_out(grey, self._mask, on_sheet, sheet.normal, self._reach, self._correlated):
-            return NOTHING
-        return self._judged(sheet, places, strength)
+        contrast = sheet_contrast(
+            grey, self._mask, on_sheet, sheet.normal, reach=self._reach, correlated=self._correlated
+        )
+        return self._judged(sheet, places, contrast) if contrast else NOTHING
 
-    def _judged(self, sheet: Sheet, places: Array, strength: float) -> WallCandidate | str:
+    def _judged(self, sheet: Sheet, places: Array, contrast: float) -> WallCandidate | str:
         axes = len(sheet.normal)
         along = np.linalg.svd(sheet.normal[None])[2][1:]
         spread = (places - places.mean(axis=0)) @ along.T
@@ -169,9 +166,7 @@ class WallDetector:
             or sheet.sigma_px > RAGGED_PX[axes]
         ):
             return BENT
-        score = strength * float(np.sqrt(length / self._side))
-        if score < LEAST_SCORE:
-            return NOTHING
+        score = contrast * float(np.sqrt(length / self._side))
         return WallCandidate(sheet.spanning_px, sheet.covariance_px2, score, sheet.normal)
 
     @property
@@ -222,12 +217,9 @@ def _sag(places: Array, sheet: Sheet, spread: Array) -> float:
 def _ranked(found: list[WallCandidate]) -> list[WallCandidate]:
     """Best first, those that may be echoes of others last."""
     told = [
-        replace(one, is_echo=True, score=OF_ECHO * one.score)
-        if any(_is_echo(one, other) for other in found)
-        else one
-        for one in found
+        replace(one, is_echo=True) if any(_is_echo(one, other) for other in found) else one for one in found
     ]
-    return sorted(told, key=lambda one: -one.score)
+    return sorted(told, key=lambda one: (one.is_echo, -one.score))
 
 
 def _is_echo(one: WallCandidate, other: WallCandidate) -> bool:

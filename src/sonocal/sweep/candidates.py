@@ -124,6 +124,10 @@ class Candidates:
         """That of `fit`."""
         return self.fit(chosen).transform
 
+    def consensus(self, chosen: Mask) -> AxisScaled:
+        """That of `fit`, of rows of which many are wrong."""
+        return self.transform(chosen)
+
     def refuse_mirrored(self, agreeing: int, least: float) -> None:
         """Name the mirror where it is why candidates in volumes were refused.
 
@@ -185,6 +189,10 @@ class Candidates:
         if self.rows.dimension == 3:  # both ends of a line must agree
             one *= one
         return float(np.sum(1 - (1 - one) ** np.bincount(self.owner, minlength=self.count)))
+
+    def weight(self, transform: AxisScaled, chosen: Mask, by_chance: float) -> float:
+        """Of several transforms the one that weighs most is taken: sightings beyond chance."""
+        return self.agreeing(chosen) - by_chance
 
     def fitting_threshold_mm(self, transform: AxisScaled, chosen: Mask) -> float:
         """How far a needle's own candidates may be from it, by the residuals of those chosen."""

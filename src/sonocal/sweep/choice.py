@@ -166,11 +166,11 @@ def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) ->
     for most in RANKS if told is None or not told.is_enough(total) else ():
         keep = table.rank < most
         try:
-            found = _Agreeing.of(table, table.transform(keep))
+            found = _Agreeing.of(table, table.consensus(keep))
         except (NoConsensusError, DegenerateGeometryError, InputError) as error:
             refusal = refusal or error
             continue
-        before, best = best, found if best is None or found.beyond_chance > best.beyond_chance else best
+        before, best = best, found if best is None or found.weight > best.weight else best
         settled = before is not None and before.is_enough(total)
         if (best.is_enough(total) and (settled or best.count >= SURE * total)) or keep.all():
             break
@@ -188,19 +188,18 @@ def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) ->
 
 @dataclass(frozen=True, eq=False)
 class _Agreeing:
-    """A transform, how many sightings agree with it, and how many would by chance."""
+    """A transform, how many sightings agree with it, how many would by chance, and what it weighs beside others."""
 
     transform: AxisScaled
     count: int
     by_chance: float
+    weight: float = 0.0
 
     @classmethod
     def of(cls, table: Candidates, transform: AxisScaled) -> _Agreeing:
-        return cls(transform, table.agreeing(table.nearest(transform)), table.by_chance(transform))
-
-    @property
-    def beyond_chance(self) -> float:
-        return self.count - self.by_chance
+        chosen, by_chance = table.nearest(transform), table.by_chance(transform)
+        weight = table.weight(transform, chosen, by_chance)
+        return cls(transform, table.agreeing(chosen), by_chance, weight)
 
     @property
     def is_far_more(self) -> bool:

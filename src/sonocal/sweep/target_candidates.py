@@ -8,6 +8,7 @@ import numpy as np
 
 from sonocal.calibration.mixed import table_of
 from sonocal.calibration.options import Options
+from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, SonocalError
 from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.best_fit import consensus_fit
@@ -19,6 +20,10 @@ __all__ = ["TargetCandidates"]
 LEAST_SHARE = 0.3
 """Of the images: a wrong calibration that takes one wall for another agrees with a part of them."""
 TIGHTNESS = 4.0
+OF_ECHO = 2.0
+"""What an echo that is taken for a wall weighs: of what is told to be one, one in nine is a wall, about."""
+CLOSER = (1.0, 0.4, 0.16)
+"""Of the threshold: how closely rows must agree."""
 
 
 class TargetCandidates(Candidates):
@@ -79,7 +84,31 @@ class TargetCandidates(Candidates):
         Raises:
             NoConsensusError, DegenerateGeometryError, InputError: as `fit_targets`.
         """
-        options = replace(self.options, threshold_mm=self.within_mm)
+        return self._fitted(chosen, self.within_mm)
+
+    def consensus(self, chosen: Mask) -> AxisScaled:
+        """Of transforms that most of the rows agree with, more and less closely, the one that weighs most.
+
+        A candidate is tried against every target of its kind, and within some millimetres of a wall lies many a
+        wrong one: the widest threshold finds what the closer ones are too close for.
+
+        Raises:
+            NoConsensusError, DegenerateGeometryError, InputError: as `fit_targets`.
+        """
+        found: list[AxisScaled] = []
+        refusal: SonocalError | None = None
+        for share in CLOSER:
+            try:
+                found.append(self._fitted(chosen, share * self.within_mm))
+            except (NoConsensusError, DegenerateGeometryError, InputError) as error:
+                refusal = refusal or error
+        if not found:
+            assert refusal is not None
+            raise refusal
+        return max(found, key=lambda one: self.weight(one, self.nearest(one), 0.0))
+
+    def _fitted(self, chosen: Mask, threshold_mm: float) -> AxisScaled:
+        options = replace(self.options, threshold_mm=threshold_mm)
         return consensus_fit(self._table.select(chosen), options).transform
 
     def refuse_mirrored(self, agreeing: int, least: float) -> None:
@@ -90,18 +119,34 @@ class TargetCandidates(Candidates):
         return len(np.unique(self.rows.frame[chosen]))
 
     def by_chance(self, transform: AxisScaled) -> float:
-        """Images that would agree if their candidates lay anywhere in the box that holds all of them."""
+        """Images that would agree as closely if their candidates lay anywhere in the box that holds all of them."""
         sides = np.ptp(self.rows.points_px, axis=0)[:2] * transform.scales[:2]
         side = max(float(np.sqrt(np.prod(sides))), 1e-9)
-        near, beside = min(1.0, np.pi * (self.within_mm / side) ** 2), min(1.0, 2 * self.within_mm / side)
+        within = min(self.within_mm, self.fitting_threshold_mm(transform, self.nearest(transform)))
+        near, beside = min(1.0, np.pi * (within / side) ** 2), min(1.0, 2 * within / side)
         points = np.bincount(self.candidate)
         planes = self._of_candidates(self.rows.spans.astype(np.int64)) == 3
         alone = np.where(planes, beside**points, near**points)
         none = np.bincount(self._image, np.log1p(-np.minimum(alone, 1 - 1e-12)))
         return float(np.sum(1 - np.exp(none)))
 
+    def weight(self, transform: AxisScaled, chosen: Mask, by_chance: float) -> float:
+        """How unlikely it is that so many images agree so well by chance: -log p^n = n log(threshold / level).
+
+        A transform that takes echoes of walls for walls, as they lie within the threshold, has more of them and fits
+        them worse; and a wall that did not come first in its image was told to be an echo there.
+        """
+        level = self._level_mm(transform, chosen)
+        echoes = np.unique(self.candidate[chosen & (self.rank > 0) & (self.rows.spans == 3)])
+        closeness = float(np.log(max(TIGHTNESS * self.within_mm / level, 1.0)))
+        return self.agreeing(chosen) * closeness - OF_ECHO * len(echoes)
+
     def fitting_threshold_mm(self, transform: AxisScaled, chosen: Mask) -> float:
-        """How far a target's own candidates may be from it, by the residuals of those chosen, of each kind its own.
+        """How far a target's own candidates may be from it, by the residuals of those chosen."""
+        return TIGHTNESS * self._level_mm(transform, chosen)
+
+    def _level_mm(self, transform: AxisScaled, chosen: Mask) -> float:
+        """Standard deviation of the chosen rows' residuals, of each kind its own.
 
         A distance has as many components as are held: three at a point, two on a line, one in a plane. The largest
         of the kinds' levels counts, as few sightings of a kind tell little.
@@ -114,7 +159,7 @@ class TargetCandidates(Candidates):
             for kind, usual in medians.items()
             if (spans == kind).any()
         ]
-        return TIGHTNESS * max(levels, default=np.inf)
+        return max(levels, default=np.inf)
 
     def _distances(self, transform: AxisScaled) -> Array:
         return np.asarray(mapped_rows(transform, self._table).distances)

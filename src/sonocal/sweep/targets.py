@@ -14,6 +14,7 @@ from sonocal.detection import Detections
 from sonocal.detection.recordings import Images, detector_of, require_images
 from sonocal.detection.wall_recordings import RecordedWalls
 from sonocal.errors import InputError, NoConsensusError, UnsupportedError, require
+from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
@@ -24,6 +25,7 @@ from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
 from sonocal.sweep.mixed import spanning_mm
 from sonocal.sweep.options import Keywords, Options
 from sonocal.sweep.recorded import as_recorded
+from sonocal.sweep.second_wall import find_second_wall, second_wall_findings
 from sonocal.sweep.tabulate import Posing, check_places
 from sonocal.sweep.target_candidates import TargetCandidates
 from sonocal.targets import Line, Plane, Point, Target, check_lines
@@ -128,8 +130,20 @@ class TargetSweep:
         kind = Candidates if table.lines_only else TargetCandidates
         images = max(one.images for one in detections)
         found = calibrate_chosen(table, self.options, images, start=start, kind=kind)
-        calibration = as_recorded(found.calibration, self.recording, self.targets, self.options.probe)
+        known = found.calibration.with_findings(self._of_walls(detections, found))
+        calibration = as_recorded(known, self.recording, self.targets, self.options.probe)
         return replace(found, calibration=calibration)
+
+    def _of_walls(self, detections: Sequence[Detections], found: CandidateCalibration) -> list[Diagnostic]:
+        """What runs along the chosen walls."""
+        scale = float(found.calibration.probe_from_image.scales.mean())
+        axes = require_images(self.recording).dimension
+        walls = [one for one in detections if one.points_each == axes and one.score is not None]
+        return [
+            finding
+            for one in walls
+            for finding in second_wall_findings(find_second_wall(one, found.observations, scale))
+        ]
 
     def _nothing_seen(self, detections: Sequence[Detections]) -> NoConsensusError:
         images = max((one.images for one in detections), default=0)
