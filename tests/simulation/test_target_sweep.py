@@ -5,7 +5,8 @@ import pytest
 
 from sonocal import InputError
 from sonocal.simulation.sweep_files import write_targets
-from sonocal.simulation.target_sweep import SCENES, TargetOptions, scene_of, simulate_targets
+from sonocal.simulation.target_scenes import SCENES, scene_of
+from sonocal.simulation.target_sweep import TargetOptions, simulate_targets
 from sonocal.simulation.truth_file import read_truth
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear

@@ -12,7 +12,8 @@ from sonocal.detection import Detections
 from sonocal.errors import InputError, NoConsensusError, UnsupportedError
 from sonocal.recording import ArrayFrames
 from sonocal.simulation.sweep_files import write_targets
-from sonocal.simulation.target_sweep import TargetOptions, scene_of, simulate_targets
+from sonocal.simulation.target_scenes import scene_of
+from sonocal.simulation.target_sweep import TargetOptions, simulate_targets
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear, curvilinear_3d
 from sonocal.sweep import Sweep, TargetSweep, calibrate_recording, sweep_of

@@ -121,7 +121,8 @@ def simulate(output: Path, target: str, probe: str, look: str, *, overwrite: boo
     """Write a simulated recording with known truth: sweep.igs.mha, needle.toml, truth.json."""
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
     from sonocal.simulation.sweep_files import SWEEP_FILES, TARGET_FILES, write_sweep, write_targets
-    from sonocal.simulation.target_sweep import TargetOptions, scene_of, simulate_targets
+    from sonocal.simulation.target_scenes import scene_of
+    from sonocal.simulation.target_sweep import TargetOptions, simulate_targets
     from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, SMALL_PARTS_BATH, Look
     from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
 
@@ -189,7 +190,7 @@ def detect(
     from sonocal.files import write_atomically
     from sonocal.files.png import png
     from sonocal.observations import write_observations
-    from sonocal.sweep.calibrate import sweep_of
+    from sonocal.sweep import sweep_of
     from sonocal.sweep.contact_sheet import contact_sheet
 
     if lines is None:

@@ -6,16 +6,16 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Images, detector_of, require_images
 from sonocal.detection.wall_recordings import RecordedWalls
-from sonocal.errors import InputError, NoConsensusError, UnsupportedError, require
+from sonocal.errors import NoConsensusError, UnsupportedError, require
 from sonocal.findings import Diagnostic
-from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry import AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording
@@ -26,11 +26,11 @@ from sonocal.sweep.mixed import spanning_mm
 from sonocal.sweep.options import Keywords, Options
 from sonocal.sweep.recorded import as_recorded
 from sonocal.sweep.second_wall import find_second_wall, second_wall_findings
-from sonocal.sweep.tabulate import Posing, check_places
+from sonocal.sweep.tabulate_targets import tabulate_candidates
 from sonocal.sweep.target_candidates import TargetCandidates
 from sonocal.targets import Line, Plane, Point, Target, check_lines
 
-__all__ = ["TargetSweep", "looked_for", "tabulate_candidates"]
+__all__ = ["TargetSweep", "looked_for"]
 
 ON_LINE_MM = 1.0
 """A point so near a line of its own frame is an end of the needle, and not another target."""
@@ -183,67 +183,3 @@ def _part(progress: Progress | None, which: int, count: int) -> Progress | None:
         tell_all(which * total + done, count * total)
 
     return partial(tell, progress)
-
-
-def tabulate_candidates(
-    recording: Recording, targets: Sequence[Target], detections: Sequence[Detections], posing: Posing
-) -> Observations:
-    """The table of candidates: each point against every point and line, each wall against every plane.
-
-    Args:
-        recording: where images and poses come from; any latency is in its poses already.
-        targets: points, lines and planes.
-        detections: of one kind each.
-        posing: which tool the probe's marker is, and what connects the targets to it.
-
-    Returns:
-        The table; a candidate's number within its image is its `split`. Those in frames without a valid pose are left
-        out.
-
-    Raises:
-        InputError: nothing is left.
-    """
-    spanning = spanning_mm(recording, targets, posing)
-    parts = [_trials(one, _of_kind(recording, targets, one), spanning) for one in detections if len(one)]
-    for one in detections:
-        check_places(recording, one)
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    if not parts or not len(columns[0]):
-        raise InputError(
-            f"{recording.name}: none of what was found is in a frame with valid poses; see sonocal info for what is "
-            "wrong"
-        )
-    points, span, frame, which, rank = columns
-    order = np.argsort(frame, kind="stable")
-    return Observations.of_targets(
-        points[order],
-        span[order],
-        frame=frame[order],
-        target=np.array([target.name for target in targets])[which[order]],
-        split=rank[order].astype(np.str_),
-        image_size_px=None if recording.image is None else recording.image.size_px,
-        source=detections[0].source,
-    )
-
-
-def _of_kind(recording: Recording, targets: Sequence[Target], detections: Detections) -> list[int]:
-    """Which targets detections may be of: by how many points each has."""
-    assert recording.image is not None
-    planes = detections.points_each == recording.image.dimension
-    return [i for i, one in enumerate(targets) if isinstance(one, Plane) == planes]
-
-
-def _trials(detections: Detections, which: list[int], spanning: Array) -> tuple[Any, ...]:
-    """A row a point of every detection against every target of its kind that has a pose in its frame."""
-    each, count = detections.points_each, len(which)
-    row, target = np.repeat(np.arange(len(detections)), count), np.tile(which, len(detections))
-    span = spanning[detections.frame[row], target]
-    posed = np.isfinite(span[:, 0]).all(axis=1)
-    row, target, span = row[posed], target[posed], span[posed]
-    return (
-        detections.points_px[row].reshape(-1, detections.dimension),
-        np.repeat(span, each, axis=0),
-        np.repeat(detections.frame[row], each),
-        np.repeat(target, each),
-        np.repeat(detections.rank[row], each),
-    )
