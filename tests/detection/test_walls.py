@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
 
 from sonocal import InputError
 from sonocal.detection import DetectionOptions, WallDetector
@@ -114,6 +115,22 @@ def test_a_black_and_a_white_image_have_no_wall():
     for level in (0, 255):
         walls, why = detected(np.full(SHAPE, level, dtype=np.uint8))
         assert (walls, why) == ([], "nothing straight stands out")
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 999), st.floats(4.0, 30.0), st.booleans())
+def test_speckle_with_bright_spots_in_it_has_no_wall(seed, level, smooth):
+    """A brightest place in every section, and spots that pull the rest into line, are no wall."""
+    rng = np.random.default_rng(seed)
+    field = rng.normal(size=(2, *SHAPE))
+    field = gaussian_filter(field, (0, 1.0, 2.0 if smooth else 0.0))
+    grey = 40 + level + 20 * np.log10(np.hypot(*field) / field.std() + 1e-3) * level / 10
+    rows, cols = np.indices(SHAPE)
+    for row, col in rng.uniform([20, 20], [280, 340], (6, 2)):
+        grey = np.maximum(grey, 250 - 0.5 * ((rows - row) ** 2 + 0.3 * (cols - col) ** 2))
+    walls, why = detected(np.clip(grey, 0, 255).astype(np.uint8))
+    assert walls == []
+    assert why
 
 
 def test_the_edge_of_what_is_shown_is_no_wall_however_bright():

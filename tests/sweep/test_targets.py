@@ -86,6 +86,27 @@ def test_moving_the_room_moves_nothing(tank):
     np.testing.assert_allclose(two.probe_from_image.matrix, one.probe_from_image.matrix, atol=1e-4)
 
 
+def test_echoes_of_walls_that_are_candidates_too_move_it_by_less_than_it_is_unsure_of(tank):
+    """Below by less than the threshold, or by more; where a wall was hidden one may be near by chance."""
+    sweep = sweep_of(tank.recording, tank.targets)
+    (seen,) = sweep.detect()
+    first = seen.select(seen.rank == 0)
+    alone = sweep.calibrate([first]).calibration
+    places, _, unsure = alone.predicted_errors()
+    for further in (9.0, 30.0, 60.0):
+        echoes = first.points_px + np.array([0.0, further])
+        both = Detections(
+            np.concatenate([first.frame, first.frame]),
+            np.concatenate([first.points_px, echoes]),
+            score=np.concatenate([first.score, 0.8 * first.score]),
+            images=seen.images,
+        )
+        found = sweep.calibrate([both])
+        assert np.mean(np.isin(found.observations.points_px[:, 1], first.points_px[..., 1])) > 0.9
+        moved = found.calibration.predict(places)[0] - alone.predict(places)[0]
+        assert np.all(np.linalg.norm(moved, axis=1) < unsure)
+
+
 def test_walls_that_are_elsewhere_give_no_calibration(tank):
     random = np.random.default_rng(3)
     scrambled = tank.recording.poses["ProbeToTracker"]

@@ -15,7 +15,7 @@ from sonocal.observations import Observations
 __all__ = ["SecondWall", "find_second_wall", "second_wall_findings"]
 
 PARALLEL = np.cos(np.radians(6.0))
-LEAST_SEEN, LEAST_SHARE = 5, 0.25
+LEAST_SEEN, LEAST_SHARE = 5, 0.4
 """Images, and of those with a chosen wall the share, in which it lies where it lies in the others."""
 AT_ONE_PLACE_MM, AT_ONE_PLACE_SHARE = 0.5, 0.08
 """From the wall it is as far in all images, to so much and such a share of that."""

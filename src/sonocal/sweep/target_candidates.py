@@ -13,6 +13,7 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations, group_codes
 from sonocal.registration.best_fit import consensus_fit
 from sonocal.registration.mapped import mapped_rows
+from sonocal.registration.options import MOST_SAMPLES
 from sonocal.sweep.candidates import Candidates, Mask
 
 __all__ = ["TargetCandidates"]
@@ -20,6 +21,11 @@ __all__ = ["TargetCandidates"]
 LEAST_SHARE = 0.3
 """Of the images: a wrong calibration that takes one wall for another agrees with a part of them."""
 TIGHTNESS = 4.0
+MORE_SAMPLES = 10
+"""As many as an estimate takes, where few rows are right: of candidates that are tried against four targets, one in
+twenty."""
+LEVELS = np.geomspace(0.01, 0.5, 24)
+"""Of the threshold: standard deviations of residuals that are tried."""
 OF_ECHO = 2.0
 """What an echo that is taken for a wall weighs: of what is told to be one, one in nine is a wall, about."""
 CLOSER = (1.0, 0.4, 0.16)
@@ -99,7 +105,7 @@ class TargetCandidates(Candidates):
         refusal: SonocalError | None = None
         for share in CLOSER:
             try:
-                found.append(self._fitted(chosen, share * self.within_mm))
+                found.append(self._fitted(chosen, share * self.within_mm, MORE_SAMPLES))
             except (NoConsensusError, DegenerateGeometryError, InputError) as error:
                 refusal = refusal or error
         if not found:
@@ -107,8 +113,9 @@ class TargetCandidates(Candidates):
             raise refusal
         return max(found, key=lambda one: self.weight(one, self.nearest(one), 0.0))
 
-    def _fitted(self, chosen: Mask, threshold_mm: float) -> AxisScaled:
-        options = replace(self.options, threshold_mm=threshold_mm)
+    def _fitted(self, chosen: Mask, threshold_mm: float, more: int = 1) -> AxisScaled:
+        samples = min(more * self.options.max_samples, MOST_SAMPLES)
+        options = replace(self.options, threshold_mm=threshold_mm, max_samples=samples)
         return consensus_fit(self._table.select(chosen), options).transform
 
     def refuse_mirrored(self, agreeing: int, least: float) -> None:
@@ -131,15 +138,22 @@ class TargetCandidates(Candidates):
         return float(np.sum(1 - np.exp(none)))
 
     def weight(self, transform: AxisScaled, chosen: Mask, by_chance: float) -> float:
-        """How unlikely it is that so many images agree so well by chance: -log p^n = n log(threshold / level).
+        """How unlikely it is that so many candidates agree so well by chance, at whatever level they agree best at.
+
+            max over s of sum log(1 + t / s exp(-r^2 / 2 s^2))        t: the threshold, r: a candidate's residual
 
         A transform that takes echoes of walls for walls, as they lie within the threshold, has more of them and fits
-        them worse; and a wall that did not come first in its image was told to be an echo there.
+        them worse; one that fits some exactly, others worse. And a wall that did not come first in its image was told
+        to be an echo there.
         """
-        level = self._level_mm(transform, chosen)
+        rows = np.flatnonzero(chosen)
+        used, of_row = np.unique(self.candidate[rows], return_inverse=True)
+        squares = self._distances(transform)[rows] ** 2 / (4 - self.rows.spans[rows])
+        square = np.bincount(of_row, squares) / np.bincount(of_row)
+        levels = self.within_mm * LEVELS[:, None]
+        agreed = np.log1p(self.within_mm / levels * np.exp(-0.5 * square / levels**2)).sum(axis=1)
         echoes = np.unique(self.candidate[chosen & (self.rank > 0) & (self.rows.spans == 3)])
-        closeness = float(np.log(max(TIGHTNESS * self.within_mm / level, 1.0)))
-        return self.agreeing(chosen) * closeness - OF_ECHO * len(echoes)
+        return float(agreed.max()) - OF_ECHO * len(echoes) if len(used) else 0.0
 
     def fitting_threshold_mm(self, transform: AxisScaled, chosen: Mask) -> float:
         """How far a target's own candidates may be from it, by the residuals of those chosen."""
