@@ -21,7 +21,7 @@ COLUMNS = 4
 TILE_PX = 320
 DOTS_PX = 4
 WALL_DOT_PX = 2
-"""A wall of an image is white, and a dot of one pixel is lost on it."""
+"""A wall is white, and a dot of one pixel is lost on it."""
 OTHER, FIRST, CHOSEN = (255, 170, 0), (255, 230, 90), (60, 230, 90)
 # By dimension, for each view: what is looked along (an axis of the array), and the image axes right and down.
 VIEWS: dict[int, tuple[tuple[int | None, list[int]], ...]] = {
@@ -126,7 +126,8 @@ def _view(
         if len(place) == 1:
             _cross(view, place[0], colour)
         for i in range(len(place) if len(place) > 2 else len(place) - 1):
-            _dots(view, place[[i, (i + 1) % len(place)]], colour, 1 if along is not None else WALL_DOT_PX)
+            size = 1 if along is not None and len(place) == 2 else WALL_DOT_PX
+            _dots(view, place[[i, (i + 1) % len(place)]], colour, size)
     view[-1], view[:, -1] = 60, 60
     return view
 
