@@ -20,7 +20,8 @@ import numpy as np
 
 import sonocal as sc
 from benchmarks.pages import tell
-from benchmarks.simulators.tank_images import Probe, Tank, Wall, tank_image
+from benchmarks.simulators.tank_images import Tank, Wall, tank_image
+from benchmarks.simulators.tank_probe import Probe
 from benchmarks.simulators.tank_scans import Scan, tank_scan
 from sonocal.detection import WallDetector, find_mask
 from sonocal.recording import ArrayFrames

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.simulators.tank_images import Probe, Tank, Thread, Wall, tank_image
+from benchmarks.simulators.tank_images import Tank, Thread, Wall, tank_image
+from benchmarks.simulators.tank_probe import Probe
 from sonocal.geometry import Similarity
 from sonocal.recording import ArrayFrames, ImageGeometry, Poses, Recording
 from sonocal.recording.model import Provenance

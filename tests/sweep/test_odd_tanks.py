@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from benchmarks.simulators.tank_images import Probe, Tank
+from benchmarks.simulators.tank_images import Tank
+from benchmarks.simulators.tank_probe import Probe
 from benchmarks.simulators.tank_scans import tank_scan
 
 from sonocal.errors import NoConsensusError
