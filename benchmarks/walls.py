@@ -136,11 +136,11 @@ def _of_scene(name: str, there: list[Trial], count: int) -> str:
 
 
 def odd(seeds: Iterable[int]) -> Iterator[tuple[str, str]]:
-    """Of scans of one wall in which something is not as it should be."""
+    """Of scans of four walls in which something is not as it should be."""
     seeds, probe = list(seeds), Probe()
     yield (
         "odd-walls",
-        f"| one wall, {len(seeds)} seeds | refused | answered with a warning | without | rms error, mm | predicted "
+        f"| four walls, {len(seeds)} seeds | refused | answered with a warning | without | rms error, mm | predicted "
         "(95 %), mm | confidently wrong |",
     )
     yield "odd-walls", "|---|---|---|---|---|---|---|"

@@ -62,6 +62,16 @@ def test_the_chosen_walls_are_the_ones_that_the_images_are_of(tank):
     assert tank.truth.visible[rows.frame].all()
 
 
+def test_a_scale_that_is_known_is_kept_and_scales_of_their_own_are_found_alike(tank):
+    """Whatever the model, candidates are chosen by one scale; what was chosen is fitted by the model."""
+    sweep = sweep_of(tank.recording, tank.targets)
+    seen = sweep.detect()
+    known = sweep_of(tank.recording, tank.targets, scale_mm_per_px=0.48).calibrate(seen).calibration
+    assert known.probe_from_image.scales[0] == 0.48
+    two = sweep_of(tank.recording, tank.targets, model="anisotropic").calibrate(seen).calibration
+    assert two.probe_from_image.scales[:2] == pytest.approx([0.48, 0.48], rel=0.05)
+
+
 def test_planes_of_volumes_calibrate_a_3d_probe():
     seen = simulated("walls", frames=24, probe=curvilinear_3d(64, 1.8), compact=0.0)
     found = calibrate_recording(seen.recording, seen.targets)
@@ -138,7 +148,6 @@ def test_a_needle_and_its_tip_are_looked_for_as_a_needle(tank):
     [
         ({"threshold_mm": "auto"}, "threshold_mm 'auto' is for needles and wires alone"),
         ({"latency": "estimate"}, "latency 'estimate' is for needles and wires alone"),
-        ({"model": "anisotropic"}, "model 'anisotropic' is for needles and wires alone"),
     ],
 )
 def test_options_of_lines_alone_are_refused_before_an_image_is_decoded(tank, options, says):

@@ -144,8 +144,8 @@ class Options(PointsOptions):
         if keywords.get("threshold_mm") is None:
             keywords["threshold_mm"] = telling_threshold_mm(targets)
         asked = cls.for_recording(recording, **keywords)
-        for name in ("threshold_mm", "latency", "model"):
-            if (value := getattr(asked, name)) in ("auto", "estimate", "anisotropic"):
+        for name in ("threshold_mm", "latency"):
+            if (value := getattr(asked, name)) in ("auto", "estimate"):
                 raise UnsupportedError(
                     f"{name} {value!r} is for needles and wires alone, and points or planes are to be found in "
                     f"{recording.name}; leave it out"
