@@ -77,6 +77,7 @@ CODES = {
     "threshold-below-noise": "the threshold cuts off rows of the needle itself",
     # sweep
     "second-needle": "a second needle, or an echo, moves with the needle",
+    "second-wall": "a second line runs along the wall",
     "wrong-poses": "poses are inverted, transposed, or of another quaternion order",
     "images-used": "how many images took part",
     "no-pose": "detections without a valid pose",
@@ -175,6 +176,7 @@ CAUSES = {
     "left-out-rows-agree",
     "wrong-end-of-needle",
     "second-needle",
+    "second-wall",
     "threshold-below-noise",
     "anisotropic-scale",
     "anisotropic-scale-far-off",

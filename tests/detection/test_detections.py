@@ -114,10 +114,10 @@ SPOILED = {
         {"frame": [0], "points_px": [[1.0, 2.0]]},
         "detections: needs frames (N,) and points_px (N, points, axes); got (1,) and (1, 2)",
     ),
-    "a line in an image": (
-        {"frame": [0], "points_px": [[[1.0, 2.0], [3.0, 4.0]]]},
-        "detections: a detection is one point of an image or a volume, or a line's two ends in a volume; "
-        "got 2 points of 2 coordinates",
+    "a plane in an image": (
+        {"frame": [0], "points_px": [[[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]]},
+        "detections: a detection is one point, two points of a line, or in a volume three of a plane; "
+        "got 3 points of 2 coordinates",
     ),
     "a place that is no number": (
         {"frame": [0, 1], "points_px": [[[1.0, 2.0]], [[1.0, np.nan]]]},

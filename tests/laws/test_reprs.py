@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import sonocal as sc
 from sonocal.calibration import Options, fit_rows
-from sonocal.detection import PointDetector
+from sonocal.detection import PointDetector, WallDetector
 from sonocal.errors import MirroredVolumeError
 from sonocal.existing import Existing
 from sonocal.findings import Diagnostic, Findings
@@ -92,6 +92,7 @@ def shown(tmp_path_factory):
         "fit": fit_rows(rows, Options()),
         "report": sc.report.Report(b"x" * 10**6),
         "detector": PointDetector(np.ones((300, 200), dtype=bool)),
+        "detector of walls": WallDetector(np.ones((300, 200), dtype=bool)),
         "store": Store(folder, load_study("needles"), "0"),
         **errors,
     }

@@ -25,6 +25,7 @@ from sonocal.cli.options import (
     output_folder,
     progress,
     seed,
+    typed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.reading import read_given
@@ -32,11 +33,22 @@ from sonocal.cli.screen.plain import say
 
 __all__ = ["COMMANDS"]
 
+OF_NEEDLES = ("dropout_share", "latency_s")
+
 
 @command(
     "Write a simulated recording and its needle, to try things on.",
     groups={
-        "What is simulated": ("probe", "look", "frames", "rate_hz", "hidden_share", "overlay", "seed"),
+        "What is simulated": (
+            "target",
+            "probe",
+            "look",
+            "frames",
+            "rate_hz",
+            "hidden_share",
+            "overlay",
+            "seed",
+        ),
         "What is wrong with it": ("sigma_px", "sigma_mm", "dropout_share", "latency_s"),
         "What is written": ("output", "overwrite"),
     },
@@ -44,9 +56,18 @@ __all__ = ["COMMANDS"]
         "sonocal simulate -o simulated",
         "sonocal simulate --probe linear --look bath --frames 200 -o in-water",
         "sonocal simulate --latency 0.08 --dropouts 0.1 -o with-faults",
+        "sonocal simulate --target walls --look bath --frames 120 -o tank",
     ),
 )
-@output_folder("simulated", "sweep.igs.mha, needle.toml and truth.json")
+@output_folder("simulated", "sweep.igs.mha, needle.toml or targets.toml, and truth.json")
+@click.option(
+    "--target",
+    type=click.Choice(["needle", "wall", "walls", "cross-wire", "cross-wires", "wires"]),
+    default="needle",
+    show_default=True,
+    metavar="SCENE",
+    help="A needle that is moved; or, fixed in the room, wall (a tank's floor), walls, cross-wire, cross-wires, wires.",
+)
 @click.option(
     "--probe",
     type=click.Choice(["curvilinear", "linear", "curvilinear-3d"]),
@@ -96,14 +117,20 @@ __all__ = ["COMMANDS"]
 )
 @seed("everything random")
 @OVERWRITE
-def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options: Any) -> None:
+def simulate(output: Path, target: str, probe: str, look: str, *, overwrite: bool, **options: Any) -> None:
     """Write a simulated recording with known truth: sweep.igs.mha, needle.toml, truth.json."""
     from sonocal.simulation.sweep import SweepOptions, simulate_sweep
-    from sonocal.simulation.sweep_files import SWEEP_FILES, write_sweep
+    from sonocal.simulation.sweep_files import SWEEP_FILES, TARGET_FILES, write_sweep, write_targets
+    from sonocal.simulation.target_scenes import scene_of
+    from sonocal.simulation.target_sweep import TargetOptions, simulate_targets
     from sonocal.simulation.ultrasound import BATH, SMALL_PARTS, SMALL_PARTS_BATH, Look
     from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear, curvilinear_3d, linear
 
-    reserve(*(output / name for name in SWEEP_FILES))
+    reserve(*(output / name for name in (SWEEP_FILES if target == "needle" else TARGET_FILES)))
+    if target != "needle" and (names := typed(OF_NEEDLES)):
+        raise click.UsageError(
+            f"{names[0]} is for a needle that is moved; leave it out, or leave out --target"
+        )
     probes: dict[str, Callable[[], ProbeGeometry]] = {
         "curvilinear": curvilinear,
         "linear": linear,
@@ -111,11 +138,16 @@ def simulate(output: Path, probe: str, look: str, *, overwrite: bool, **options:
     }
     fine, wet = probe == "linear", look == "bath"
     appearance = (SMALL_PARTS_BATH if wet else SMALL_PARTS) if fine else BATH if wet else Look()
-    sweep = simulate_sweep(probes[probe](), appearance, SweepOptions(**options))
     with progress("images") as report:
-        paths = write_sweep(sweep, output, report)
+        if target == "needle":
+            sweep = simulate_sweep(probes[probe](), appearance, SweepOptions(**options))
+            paths = write_sweep(sweep, output, report)
+        else:
+            fixed = {name: value for name, value in options.items() if name not in OF_NEEDLES}
+            seen = simulate_targets(scene_of(target), probes[probe](), appearance, TargetOptions(**fixed))
+            paths = write_targets(seen, output, report)
     say(f"Wrote {', '.join(str(path) for path in paths)}")
-    say(f"Next: sonocal calibrate {paths[0]} --lines {paths[1]}")
+    say(f"Next: sonocal calibrate {paths[0]} --{'lines' if target == 'needle' else 'targets'} {paths[1]}")
 
 
 @command(
@@ -153,33 +185,28 @@ def detect(
 
     At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
     """
-    from sonocal import detection
-    from sonocal.cli.formats import lines_in
+    from sonocal.cli.formats import targets_in
     from sonocal.cli.from_recording import looking
     from sonocal.files import write_atomically
     from sonocal.files.png import png
     from sonocal.observations import write_observations
-    from sonocal.sweep import Posing, tabulate
-    from sonocal.sweep.calibrate import no_candidates
+    from sonocal.sweep import sweep_of
     from sonocal.sweep.contact_sheet import contact_sheet
-    from sonocal.sweep.lagged import with_line_velocities
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
     files = [output, *([] if sheet is None else [sheet])]
     loaded = read_given(recording, options)
-    known, fixed = lines_in(lines)
+    known, fixed = targets_in(lines)
     reserve(*files)
+    posing = {"fixed": fixed} | {name: options[name] for name in ("probe", "on_invalid")}
+    sweep = sweep_of(loaded, known, **posing, **looking(loaded, options))
     with progress("detecting") as report:
-        look = detection.DetectionOptions(**looking(loaded, options))
-        found = detection.detect(loaded, look, report)
+        found: Any = sweep.detect(report)
     reserve(*files)
     if sheet is not None:
         write_atomically(sheet, png(contact_sheet(loaded, found)))
-    if len(found) == 0:
-        raise no_candidates(loaded.name, found.images)
-    posing = Posing(options["probe"], fixed, options["on_invalid"])
-    table = with_line_velocities(tabulate(loaded, known, found, posing).observations, loaded, known, posing)
+    table = sweep.candidates(found)
     write_observations(table, output)
     say(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sonocal.geometry import AxisScaled
     from sonocal.observations import Observations
     from sonocal.recording import Recording
-    from sonocal.targets import Line, Target
+    from sonocal.targets import Target
 
 __all__ = [
     "OF_DETECTION",
@@ -69,7 +69,7 @@ def from_recording(
         options: of `sonocal.calibrate`.
         start: a transform that may be near, by which candidates may be chosen.
     """
-    from sonocal.cli.formats import lines_in, targets_in
+    from sonocal.cli.formats import targets_in
     from sonocal.observations.table_file import as_file
     from sonocal.recording import with_latency
     from sonocal.sweep import Posing
@@ -86,8 +86,7 @@ def from_recording(
         result = _from_points(recording, known, recorded["points"], how)
     else:
         how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
-        lines_in(lines)  # which says so where there is none to look for
-        result = _from_images(recording, needles, output, how | looking(recording, recorded), start)
+        result = _from_images(recording, known, output, how | looking(recording, recorded), start)
     if recording.latency_s != (result.calibration.latency_s or 0.0):  # estimated
         recording = with_latency(recording, result.calibration.latency_s or 0.0)
     posing = Posing(recorded["probe"], fixed, recorded["on_invalid"])
@@ -137,19 +136,19 @@ def _from_points(recording: Recording, lines: Sequence[Target], points: Path, ho
 
 def _from_images(
     recording: Recording,
-    lines: Sequence[Line],
+    targets: Sequence[Target],
     output: Path | None,
     how: dict[str, Any],
     start: AxisScaled | None,
 ) -> Result:
-    """Find the needle in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
+    """Find what is scanned in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
     from sonocal.files.png import png
-    from sonocal.sweep import Sweep
+    from sonocal.sweep import sweep_of
     from sonocal.sweep.contact_sheet import contact_sheet
 
-    sweep = Sweep.of(recording, lines, **how)
+    sweep = sweep_of(recording, targets, **how)
     with progress("detecting") as report:
-        seen = sweep.detector.detect(report)
+        seen: Any = sweep.detect(report)
     try:
         found = sweep.calibrate(seen, start)
     except SonocalError:

@@ -113,7 +113,7 @@ LINES = click.option(
     "--targets",
     "lines",
     type=FILE,
-    help="The needle or wires, with --points also beads and walls: needle.toml or a PLUS device set (XML).",
+    help="The needle or wires, cross-wires, walls: needle.toml or a PLUS device set (XML).",
 )
 POSES = click.option(
     "--poses",

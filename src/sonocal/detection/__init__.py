@@ -1,4 +1,4 @@
-"""The needle in images: points in 2D, lines in 3D; of one image, and of a whole recording in one call."""
+"""Needles and walls in images: points and lines in 2D, lines and planes in 3D; of an image, and of a recording."""
 
 from sonocal.detection.detections import Detections
 from sonocal.detection.grey import as_grey
@@ -14,6 +14,7 @@ from sonocal.detection.points import PointDetector
 from sonocal.detection.points_file import read_detections
 from sonocal.detection.recordings import detect
 from sonocal.detection.slices import VolumeSlice, slice_volume
+from sonocal.detection.walls import WallCandidate, WallDetector
 
 __all__ = [
     "DetectionOptions",
@@ -21,6 +22,8 @@ __all__ = [
     "LineCandidate",
     "PointDetector",
     "VolumeSlice",
+    "WallCandidate",
+    "WallDetector",
     "as_grey",
     "detect",
     "detect_line_near",

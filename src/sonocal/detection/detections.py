@@ -23,12 +23,14 @@ _DEFAULT: Any = None  # filled in by the constructor
 class Detections:
     """Places in images that may be a needle, or are; all arrays have one entry a detection.
 
-    A detection is one point (P = 1), or a line of a volume given by its two ends (P = 2).
+    A detection is one point (P = 1), a line given by two of its points (P = 2; in a volume a needle, in an image a
+    wall), or a plane of a volume given by three (P = 3).
 
     Attributes:
         frame: (N,) index of the image in the recording.
         points_px: (N, P, D), in the MF-oriented image; D is 2 or 3.
-        covariance_px2: (N, P, D, D), or None where unknown; of a line's ends across it: along it an end means nothing.
+        covariance_px2: (N, P, D, D), or None where unknown; of a line's or plane's points across it: along it a point
+            means nothing.
         score: (N,): how far it stands out, greater is better; or None where others found it.
         rank: (N,): 0 for the best of its image; default: in the order given.
         target: (N,) name of the line; "", the default, where it may be of any.
@@ -119,7 +121,7 @@ class Detections:
 
     @property
     def points_each(self) -> int:
-        """1, or 2 for lines."""
+        """1, or 2 for lines, or 3 for planes."""
         return int(self.points_px.shape[1])
 
     @property
@@ -149,9 +151,9 @@ class Detections:
 
     def _check_shapes(self) -> None:
         count, points = len(self), self.points_px
-        if points.shape[1:] not in ((1, 2), (1, 3), (2, 3)):
+        if points.shape[1:] not in ((1, 2), (1, 3), (2, 2), (2, 3), (3, 3)):
             raise InputError(
-                f"{self.source}: a detection is one point of an image or a volume, or a line's two ends in a volume; "
+                f"{self.source}: a detection is one point, two points of a line, or in a volume three of a plane; "
                 f"got {points.shape[1]} points of {points.shape[2]} coordinates"
             )
         shapes = {"covariance_px2": (*points.shape, points.shape[2]), "score": (count,)}

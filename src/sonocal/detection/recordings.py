@@ -23,7 +23,7 @@ from sonocal.geometry import Array, image_crossings
 from sonocal.recording import ImageGeometry, Recording
 from sonocal.recording.health import Progress
 
-__all__ = ["Detector", "detect", "detector_of", "require_images"]
+__all__ = ["Detector", "Images", "detect", "detector_of", "require_images"]
 
 POINTS, LINES = 5, 3
 """Detections an image and a volume."""
@@ -76,8 +76,8 @@ def require_images(recording: Recording) -> ImageGeometry:
     return recording.image
 
 
-class Detector(ABC):
-    """Looks for needles in the images of one recording. Not for use from several threads at once."""
+class Images(ABC):
+    """Looks into the images of one recording, one after the other. Not for use from several threads at once."""
 
     points_each: int
     dimension: int
@@ -93,16 +93,6 @@ class Detector(ABC):
     @abstractmethod
     def everywhere(self, image: NDArray[Any], name: str) -> Found:
         """What stands out in one image, best first."""
-
-    @abstractmethod
-    def near(self, frame: int, needle_px: Array, reach_px: float) -> Array:
-        """(K, P, D) px: what may be a needle near where a calibration says that it is.
-
-        Args:
-            frame: index of the image.
-            needle_px: (2, 3): two points of the needle, anywhere along it.
-            reach_px: how far from it to look.
-        """
 
     def detect(self, progress: Progress | None = None) -> Detections:
         """All that stands out in every valid image; as `sonocal.detection.detect`."""
@@ -127,6 +117,20 @@ class Detector(ABC):
 
     def _name(self, frame: int) -> str:
         return f"{self.recording.name}, frame {frame}"
+
+
+class Detector(Images):
+    """Looks for needles in the images of one recording, and again where they must be."""
+
+    @abstractmethod
+    def near(self, frame: int, needle_px: Array, reach_px: float) -> Array:
+        """(K, P, D) px: what may be a needle near where a calibration says that it is.
+
+        Args:
+            frame: index of the image.
+            needle_px: (2, 3): two points of the needle, anywhere along it.
+            reach_px: how far from it to look.
+        """
 
 
 class ImageDetector(Detector):

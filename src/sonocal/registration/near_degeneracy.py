@@ -115,7 +115,9 @@ def refuse_nearly_degenerate(rows: PointLineRows | TargetRows, found: str) -> No
 def _near_parallel(cone_deg: float, what: str = "needles") -> NearDegeneracy:
     return NearDegeneracy(
         cause=f"all {what} lie within {cone_deg:.2g} deg of one direction",
-        advice="add sightings with the needle tilted by 30 deg or more, in two directions",
+        advice="add sightings with the needle tilted by 30 deg or more, in two directions"
+        if what == "needles"
+        else "add sightings tilted by 30 deg or more, in two directions; where walls fade then, of cross-wires",
         code="parallel-lines",
         free="the image can slide along them",
         nearness=cone_deg / NEAR_CONE_DEG,

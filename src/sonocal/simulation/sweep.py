@@ -23,7 +23,16 @@ from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear
 from sonocal.simulation.ultrasound_scenery import Scenery
 from sonocal.targets import Line
 
-__all__ = ["NEEDLE_MM", "SimulatedSweep", "SweepOptions", "Truth", "simulate_sweep"]
+__all__ = [
+    "NEEDLE_MM",
+    "SimulatedSweep",
+    "SweepOptions",
+    "Truth",
+    "draw_overlay",
+    "random_calibration",
+    "runs",
+    "simulate_sweep",
+]
 
 NEEDLE_MM = 400.0
 CLEAR_MM = 5.0
@@ -119,8 +128,8 @@ def simulate_sweep(
     rng = np.random.default_rng([options.seed, 0])
     motion = HandMotion(geometry, options.frames / options.rate_hz, rng)
     times = np.arange(options.frames) / options.rate_hz
-    visible = ~_runs(rng, options.frames, options.hidden_share)
-    probe_from_image = _random_calibration(rng, geometry.scale_mm_per_px)
+    visible = ~runs(rng, options.frames, options.hidden_share)
+    probe_from_image = random_calibration(rng, geometry.scale_mm_per_px)
     needle_mm = motion.needle(times)
     jitter = np.zeros_like(needle_mm)
     jitter[..., : geometry.dimension] = rng.normal(
@@ -176,7 +185,7 @@ class SimulatedFrames(Frames):
             echoes.append(self._imager.needle(self._needle[index], rng))
         image = self._imager.image(echoes, rng)
         if self._options.overlay:
-            _draw_overlay(image)
+            draw_overlay(image)
         image.flags.writeable = False
         return image
 
@@ -228,7 +237,7 @@ def _poses(
     ends_probe = probe_from_image @ (motion.needle_ends(instants, NEEDLE_MM) / probe_from_image.scale)
     ends_probe = ends_probe + rng.normal(scale=options.sigma_mm, size=ends_probe.shape)
     probe_from_needle = _needle_poses(ends_probe, motion.roll(instants))
-    lost = _runs(rng, len(times), options.dropout_share)
+    lost = runs(rng, len(times), options.dropout_share)
     status = tuple("INVALID" if bad else "OK" for bad in lost)
     tracked = {"Probe": tracker_from_probe, "Needle": tracker_from_probe @ probe_from_needle}
     poses = [Poses(name, "Tracker", matrices, ~lost, status) for name, matrices in tracked.items()]
@@ -250,7 +259,7 @@ def _needle_poses(ends: Array, roll: Array) -> Array:
     return poses
 
 
-def _runs(rng: np.random.Generator, count: int, share: float, length: int = 10) -> NDArray[np.bool_]:
+def runs(rng: np.random.Generator, count: int, share: float, length: int = 10) -> NDArray[np.bool_]:
     """A mask with that share of true entries, in runs: needles and markers vanish for a while at a time."""
     wanted = round(share * count)
     mask = np.zeros(count, dtype=bool)
@@ -261,14 +270,15 @@ def _runs(rng: np.random.Generator, count: int, share: float, length: int = 10) 
     return mask
 
 
-def _random_calibration(rng: np.random.Generator, scale: float) -> Similarity:
+def random_calibration(rng: np.random.Generator, scale: float) -> Similarity:
+    """A calibration of any rotation, within 100 mm of the marker along each axis."""
     from scipy.spatial.transform import Rotation
 
     return Similarity(Rotation.random(random_state=rng).as_matrix(), rng.uniform(-100, 100, 3), scale)
 
 
-def _draw_overlay(image: Image) -> None:
-    """A ruler along the right edge and a block of strokes like text in the upper left corner."""
+def draw_overlay(image: Image) -> None:
+    """Draw over an image a ruler along the right edge and a block of strokes like text in the upper left corner."""
     rows, cols = image.shape[-2:]
     for row in range(rows // 10, rows, max(rows // 12, 4)):
         image[..., row : row + 2, cols - cols // 30 : cols - 6] = 230

@@ -11,12 +11,14 @@ from sonocal.recording import Frames
 from sonocal.recording.formats import write_recording
 from sonocal.recording.frames import Image
 from sonocal.simulation.sweep import SimulatedSweep
-from sonocal.simulation.truth_file import truth_json
-from sonocal.targets import write_lines
+from sonocal.simulation.target_sweep import SimulatedTargets
+from sonocal.simulation.truth_file import targets_truth_json, truth_json
+from sonocal.targets import Line, Plane, Point, lines_toml, write_lines
 
-__all__ = ["SWEEP_FILES", "write_sweep"]
+__all__ = ["SWEEP_FILES", "TARGET_FILES", "write_sweep", "write_targets"]
 
 SWEEP_FILES = ("sweep.igs.mha", "needle.toml", "truth.json")
+TARGET_FILES = ("sweep.igs.mha", "targets.toml", "truth.json")
 
 Progress = Callable[[int, int], None]
 
@@ -41,6 +43,24 @@ def write_sweep(sweep: SimulatedSweep, folder: str | Path, progress: Progress | 
     write_recording(recording, paths[0])
     write_lines(sweep.lines, paths[1])
     write_atomically(paths[2], truth_json(sweep))
+    return paths
+
+
+def write_targets(
+    sweep: SimulatedTargets, folder: str | Path, progress: Progress | None = None
+) -> list[Path]:
+    """Write ``sweep.igs.mha``, ``targets.toml`` and ``truth.json``. As `write_sweep`."""
+    make_folder(folder)
+    paths = [Path(folder) / name for name in TARGET_FILES]
+    recording = replace(sweep.recording, frames=_Counted(sweep.recording.frames, progress))
+    write_recording(recording, paths[0])
+    lines, points, planes = (
+        [one for one in sweep.targets if isinstance(one, Line)],
+        [one for one in sweep.targets if isinstance(one, Point)],
+        [one for one in sweep.targets if isinstance(one, Plane)],
+    )
+    write_atomically(paths[1], lines_toml(paths[1].name, lines, points, planes=planes))
+    write_atomically(paths[2], targets_truth_json(sweep))
     return paths
 
 

@@ -16,8 +16,9 @@ from sonocal.files import read_bytes
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 from sonocal.simulation.sweep import SimulatedSweep
+from sonocal.simulation.target_sweep import SimulatedTargets
 
-__all__ = ["KnownTruth", "read_truth", "truth_json"]
+__all__ = ["KnownTruth", "read_truth", "targets_truth_json", "truth_json"]
 
 KIND: Literal["sonocal-truth"] = "sonocal-truth"
 VERSION = 1
@@ -67,6 +68,21 @@ def truth_json(sweep: SimulatedSweep) -> bytes:
         "points_px": truth.points_px.tolist(),
         "visible": truth.visible.tolist(),
         "clear": truth.clear.tolist(),
+        "options": asdict(sweep.options),
+    }
+    return (json.dumps(record, indent=1) + "\n").encode()
+
+
+def targets_truth_json(sweep: SimulatedTargets) -> bytes:
+    """What is true of a sweep of targets, likewise."""
+    truth = sweep.truth
+    record = {
+        "format": KIND,
+        "version": VERSION,
+        "probe_from_image": truth.probe_from_image.matrix.tolist(),
+        "latency_s": 0.0,
+        "target": [sweep.targets[i].name for i in truth.target],
+        "visible": truth.visible.tolist(),
         "options": asdict(sweep.options),
     }
     return (json.dumps(record, indent=1) + "\n").encode()

@@ -1,9 +1,11 @@
 """From a recording to a calibration: detections, the table of sightings, choice, a second look."""
 
-from sonocal.sweep.calibrate import Sweep, calibrate_points, calibrate_recording
+from sonocal.sweep.calibrate import Sweep, calibrate_points
 from sonocal.sweep.choice import CandidateCalibration, calibrate_candidates
 from sonocal.sweep.options import Options, PointsOptions
+from sonocal.sweep.recordings import calibrate_recording, sweep_of
 from sonocal.sweep.tabulate import Posing, Sightings, tabulate
+from sonocal.sweep.targets import TargetSweep
 
 __all__ = [
     "CandidateCalibration",
@@ -12,8 +14,10 @@ __all__ = [
     "Posing",
     "Sightings",
     "Sweep",
+    "TargetSweep",
     "calibrate_candidates",
     "calibrate_points",
     "calibrate_recording",
+    "sweep_of",
     "tabulate",
 ]

@@ -28,11 +28,17 @@ from sonocal.errors import InputError, NoConsensusError, require
 from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
-from sonocal.recording import Recording, health, stated_scale, with_latency
+from sonocal.recording import Recording, with_latency
 from sonocal.recording.health import Progress
-from sonocal.setup_checks.scale import scale_deviation, scale_doubt
 from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
-from sonocal.sweep.lagged import lag_of_candidates, lag_of_points, most_used, moving_rows, require_clock
+from sonocal.sweep.lagged import (
+    lag_of_candidates,
+    lag_of_points,
+    most_used,
+    moving_rows,
+    require_clock,
+    with_line_velocities,
+)
 from sonocal.sweep.mixed import calibrate_targets
 from sonocal.sweep.options import (
     Keywords,
@@ -43,64 +49,13 @@ from sonocal.sweep.options import (
     telling_threshold_mm,
 )
 from sonocal.sweep.pose_errors import with_pose_errors
+from sonocal.sweep.recorded import as_recorded
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
 from sonocal.targets import Line, Plane, Point, Target, require_lines
 
-__all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
-
-
-def calibrate_recording(
-    recording: Recording,
-    lines: Sequence[Line],
-    *,
-    detections: Detections | None = None,
-    progress: Progress | None = None,
-    **options: Unpack[Keywords],
-) -> CandidateCalibration:
-    """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
-
-    Args:
-        recording: images, and poses with any latency undone, see `with_latency`.
-        lines: the needles and wires, see `read_lines`.
-        detections: what `detect` found, where that was done before.
-        progress: called with how many images are done and how many there are.
-        **options: any of those of `sonocal.calibrate`, and of the following, by name.
-
-            What to look for in the images:
-            count (5, in volumes 3): candidates an image at the most.
-            mask (found from the recording): (rows, columns), True where to look; for images.
-            centre ("head"): of a bright spot its first echo, without the tail: needles; "mass": all of it, as PLUS
-            segments wires; for images.
-
-            What connects the lines to the probe:
-            probe ("Probe"): the tool that the probe's marker is called.
-            fixed (None): constant ``(target, source) -> (4, 4)``, such as a device set's.
-            on_invalid ("raise"): refuse poses marked valid that are not rigid, or "skip" them.
-
-            How images and poses belong together:
-            latency (None): "estimate": how much later the tracker stamps an instant than the images do is fitted,
-            too, and undone; needle or probe must move.
-
-            What to choose:
-            threshold_mm (5, or a fifth of the distance between lines of one frame, so that they are not taken for
-            one another): candidates further than this from their needle are wrong; "auto": that is the most, and of
-            the chosen rows those are outliers that are further off than 3.3 standard deviations of their noise.
-            second_look (True): look again, for fainter ones, near where the calibrated needle must be.
-
-    Returns:
-        The calibration, the rows it rests on, and what became of the others.
-
-    Raises:
-        NoConsensusError: nothing in the images moves like the needle.
-        DegenerateGeometryError: the sightings leave a motion free.
-        InputError: the recording lacks images or poses, or an option does not exist or means nothing.
-    """
-    if detections is not None:
-        require("detections", detections, Detections)
-    sweep = Sweep.of(recording, lines, **options)
-    return sweep.calibrate(sweep.detector.detect(progress) if detections is None else detections)
+__all__ = ["Sweep", "calibrate_points", "no_candidates"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +96,10 @@ class Sweep:
         detector = detector_of(recording, asked.detection)
         return cls(recording, lines, asked, detector, asked.posing.segments_mm(recording, lines))
 
+    def detect(self, progress: Progress | None = None) -> Detections:
+        """What may be the needle; as `sonocal.detection.detect`."""
+        return self.detector.detect(progress)
+
     def calibrate(self, detections: Detections, start: AxisScaled | None = None) -> CandidateCalibration:
         """Choose among what was detected, look again, and calibrate.
 
@@ -174,8 +133,20 @@ class Sweep:
         judged = suspects.judging(found.calibration, found.used, found.sightings)
         rows = seen_at_assumed_speed(judged.sound, found.observations)
         wider = with_pose_errors(judged, rows, self.recording, self.options.posing)
-        recorded = _as_recorded(wider, self.recording, self.lines, self.options.probe)
+        recorded = as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
+
+    def candidates(self, detections: Detections) -> Observations:
+        """The table of what was detected, with the velocities of lines that move.
+
+        Raises:
+            NoConsensusError: nothing was detected.
+            InputError: no detection is in a frame with valid poses, or they are of other images.
+        """
+        if len(detections) == 0:
+            raise no_candidates(self.recording.name, detections.images)
+        table = tabulate(self.recording, self.lines, detections, self.options.posing).observations
+        return with_line_velocities(table, self.recording, self.lines, self.options.posing)
 
     def at_lag(self, latency_s: float) -> Sweep:
         """The same with every pose taken where its image belongs."""
@@ -258,7 +229,7 @@ def calibrate_points(
     )
     rows = seen_at_assumed_speed(found.sound, sightings.observations)
     found = with_pose_errors(found, rows, recording, asked.posing)
-    found = _as_recorded(found, recording, known, asked.probe)
+    found = as_recorded(found, recording, known, asked.probe)
     return found if lag is None else with_lag(found, lag, rows), sightings.observations
 
 
@@ -278,22 +249,3 @@ def _suspects(
     threshold = options.threshold_mm
     within_mm = telling_threshold_mm(lines) if threshold == "auto" else float(threshold)
     return Suspects(recording, tuple(lines), detections, options.posing, options, within_mm)
-
-
-def _as_recorded(
-    calibration: Calibration, recording: Recording, lines: Sequence[Line], probe: str
-) -> Calibration:
-    """The calibration with the latency of its recording, and with what is wrong with that.
-
-    Of the recording's tools, those that took part; of mm/px that it states, where the user says no others.
-    """
-    tools = {probe.lower(), *(line.frame.lower() for line in lines)}
-    poses = {name: one for name, one in recording.poses.items() if one.source.lower() in tools}
-    noticed = health(replace(recording, poses=poses), look_at_images=False)
-    worth = [one for one in noticed if one.severity == "warning" or one in recording.diagnostics]
-    said = stated_scale(recording)
-    if said is not None and calibration.options.scanner_mm_per_px is None:
-        scales, deviation = calibration.probe_from_image.scales, scale_deviation(calibration.covariance)
-        who = f"the recording ({said.where})"
-        worth += scale_doubt(scales, deviation, said.mm_per_px, "the calibration", who)
-    return replace(calibration.with_findings(worth), latency_s=recording.latency_s or None)

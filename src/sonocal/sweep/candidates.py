@@ -22,6 +22,9 @@ __all__ = ["Candidates", "Mask"]
 
 Mask = NDArray[np.bool_]
 
+LEAST_SHARE = 0.15
+LEAST_SHARE_OF_MANY = 0.5
+"""With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
 TIGHTNESS = {2: 4.0, 3: 5.0}
 """Standard deviations of the residuals within which a candidate is the needle, once a calibration is known.
 
@@ -64,6 +67,36 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.owner)
 
+    @property
+    def shown(self) -> int:
+        """Of what `agreeing` counts, how many have a candidate."""
+        return self.count
+
+    @property
+    def of_one(self) -> bool:
+        """Whether all candidates are of one target, of which an image shows one."""
+        return len(np.unique(self.rows.target)) == 1
+
+    @property
+    def least_share(self) -> float:
+        """Of what is counted, the share that must agree: a wrong answer that mistakes one for another has a part."""
+        return LEAST_SHARE if self.of_one else LEAST_SHARE_OF_MANY
+
+    @property
+    def counted(self) -> str:
+        """What is counted: an image shows one needle once, and several wires each once."""
+        return "images" if self.of_one else "sightings"
+
+    @property
+    def has_twins(self) -> bool:
+        """Whether another one, or an echo, may have been chosen in its stead; wires are known to be several."""
+        return self.of_one
+
+    @property
+    def wanted(self) -> str:
+        """What messages call what is looked for."""
+        return "the needle"
+
     def and_further(self, rows: Observations) -> Candidates:
         """These and further ones."""
         return Candidates(stacked([self.rows, rows]), self.options, self.within_mm)
@@ -86,6 +119,14 @@ class Candidates:
         check_rows(self.at(chosen), self.options.model)
         options = replace(self.options, threshold_mm=self.within_mm if threshold_mm is None else threshold_mm)
         return best_fit(self._lines.select(chosen), options)[0]
+
+    def transform(self, chosen: Mask) -> AxisScaled:
+        """That of `fit`."""
+        return self.fit(chosen).transform
+
+    def consensus(self, chosen: Mask) -> AxisScaled:
+        """That of `fit`, of rows of which many are wrong."""
+        return self.transform(chosen)
 
     def refuse_mirrored(self, agreeing: int, least: float) -> None:
         """Name the mirror where it is why candidates in volumes were refused.
@@ -148,6 +189,10 @@ class Candidates:
         if self.rows.dimension == 3:  # both ends of a line must agree
             one *= one
         return float(np.sum(1 - (1 - one) ** np.bincount(self.owner, minlength=self.count)))
+
+    def weight(self, transform: AxisScaled, chosen: Mask, by_chance: float) -> float:
+        """Of several transforms the one that weighs most is taken: sightings beyond chance."""
+        return self.agreeing(chosen) - by_chance
 
     def fitting_threshold_mm(self, transform: AxisScaled, chosen: Mask) -> float:
         """How far a needle's own candidates may be from it, by the residuals of those chosen."""

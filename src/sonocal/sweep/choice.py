@@ -48,9 +48,6 @@ CLUTTER_FRAMES = 3
 LEAST_SIGHTINGS = 10
 LEAST_SHARE_OF_FEW = 0.8
 """Where there are few images."""
-LEAST_SHARE = 0.15
-LEAST_SHARE_OF_MANY = 0.5
-"""With several needles or wires: a wrong calibration that takes one for another agrees with a part of them."""
 MOST_MM = 5.0
 """Where the noise is to tell how far a chosen row may be from its line."""
 
@@ -134,15 +131,17 @@ def calibrate_chosen(
     most_mm: float = MOST_MM,
     across: Array | None = None,
     start: AxisScaled | None = None,
+    kind: type[Candidates] = Candidates,
 ) -> CandidateCalibration:
     """As `calibrate_candidates`, with checked options.
 
     `most_mm` is the threshold where that is "auto"; `across` (F, 2, 3) are two axes across the needle that turn with
-    it, in the probe's frame; `start` is a transform that may be near: another's calibration of the probe.
+    it, in the probe's frame; `start` is a transform that may be near: another's calibration of the probe; `kind` is
+    what candidates are grouped by.
     """
     within_mm = most_mm if options.threshold_mm == "auto" else float(options.threshold_mm)
-    table = Candidates(candidates, options, within_mm)
-    total = max(sightings, table.count)
+    table = kind(candidates, options, within_mm)
+    total = max(sightings, table.shown)
     transform, first = _settled(table, _first_consensus(table, total, start))
     table, settled = _looked_again(table, look_again, transform, first)
     chosen, twin = _upper(table, *settled, across)
@@ -152,8 +151,8 @@ def calibrate_chosen(
     last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen), latency=None)
     calibration = calibrate(table.at(chosen), **last)
     reasons = {
-        "no candidate or no pose": total - table.count,
-        "no candidate near the needle": table.count - used,
+        "no candidate or no pose": total - table.shown,
+        f"no candidate near {table.wanted}": table.shown - used,
     }
     calibration = calibration.with_findings([_report(table, used, total, reasons), *twin_findings(twin)])
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
@@ -167,11 +166,11 @@ def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) ->
     for most in RANKS if told is None or not told.is_enough(total) else ():
         keep = table.rank < most
         try:
-            found = _Agreeing.of(table, table.fit(keep).transform)
+            found = _Agreeing.of(table, table.consensus(keep))
         except (NoConsensusError, DegenerateGeometryError, InputError) as error:
             refusal = refusal or error
             continue
-        before, best = best, found if best is None or found.beyond_chance > best.beyond_chance else best
+        before, best = best, found if best is None or found.weight > best.weight else best
         settled = before is not None and before.is_enough(total)
         if (best.is_enough(total) and (settled or best.count >= SURE * total)) or keep.all():
             break
@@ -189,19 +188,18 @@ def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) ->
 
 @dataclass(frozen=True, eq=False)
 class _Agreeing:
-    """A transform, how many sightings agree with it, and how many would by chance."""
+    """A transform, how many sightings agree with it, how many would by chance, and what it weighs beside others."""
 
     transform: AxisScaled
     count: int
     by_chance: float
+    weight: float = 0.0
 
     @classmethod
     def of(cls, table: Candidates, transform: AxisScaled) -> _Agreeing:
-        return cls(transform, table.agreeing(table.nearest(transform)), table.by_chance(transform))
-
-    @property
-    def beyond_chance(self) -> float:
-        return self.count - self.by_chance
+        chosen, by_chance = table.nearest(transform), table.by_chance(transform)
+        weight = table.weight(transform, chosen, by_chance)
+        return cls(transform, table.agreeing(chosen), by_chance, weight)
 
     @property
     def is_far_more(self) -> bool:
@@ -225,14 +223,14 @@ class _Agreeing:
 
         if self.is_far_more:
             return False
-        sightings, agreeing = table.count // CLUTTER_FRAMES, self.count // CLUTTER_FRAMES
+        sightings, agreeing = table.shown // CLUTTER_FRAMES, self.count // CLUTTER_FRAMES
         if agreeing <= MINIMAL_ROWS:
             return True
         combinations = (
             gammaln(sightings + 1) - gammaln(sightings - MINIMAL_ROWS + 1) - gammaln(MINIMAL_ROWS + 1)
         )
-        samples = combinations + MINIMAL_ROWS * np.log(len(table) / table.count)
-        chance = min(self.by_chance / table.count, 1.0)
+        samples = combinations + MINIMAL_ROWS * np.log(len(table) / table.shown)
+        chance = min(self.by_chance / table.shown, 1.0)
         tail = bdtrc(agreeing - MINIMAL_ROWS - 1, sightings - MINIMAL_ROWS, chance)
         return bool(tail > 0 and samples + np.log(tail) > 0)
 
@@ -252,7 +250,7 @@ def _settled(table: Candidates, transform: AxisScaled, fitted: Mask | None = Non
     for _ in range(ROUNDS):
         closer = table.nearest(transform, table.fitting_threshold_mm(transform, chosen))
         if fitted is None or not np.array_equal(closer, fitted):
-            transform, fitted = table.fit(closer).transform, closer
+            transform, fitted = table.transform(closer), closer
         if np.array_equal(closer, chosen):
             break
         chosen = closer
@@ -276,7 +274,7 @@ def _upper(
     table: Candidates, transform: AxisScaled, chosen: Mask, across: Array | None
 ) -> tuple[Mask, Twin | None]:
     """Of two needles that move as one the upper one, which is nearer to the transducer; and where the other is."""
-    if len(np.unique(table.rows.target)) > 1:  # wires are known to be several
+    if not table.has_twins:
         return chosen, None
     twin = find_twin(table, chosen, transform, across)
     for _ in range(MOST_ECHOES):
@@ -303,8 +301,7 @@ def _last_threshold(table: Candidates, chosen: Mask) -> float | Literal["auto"]:
 
 def _least_agreeing(table: Candidates, total: int) -> float:
     """Sightings without which a calibration is no answer."""
-    share = LEAST_SHARE if len(np.unique(table.rows.target)) == 1 else LEAST_SHARE_OF_MANY
-    return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), share * total)
+    return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), table.least_share * total)
 
 
 def _report(table: Candidates, used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
@@ -313,24 +310,19 @@ def _report(table: Candidates, used: int, total: int, reasons: dict[str, int]) -
     return Diagnostic(
         code="images-used",
         severity="warning" if few else "info",
-        message=f"{used} of {total} {_counted(table)} took part" + (f"; left out were {why}" if why else ""),
-        advice="look at the contact sheet; raise the scanner's gain and keep the needle across the beam"
+        message=f"{used} of {total} {table.counted} took part" + (f"; left out were {why}" if why else ""),
+        advice=f"look at the contact sheet; raise the scanner's gain and keep {table.wanted} across the beam"
         if few
-        else "nothing, if the needle was out of view for that share of the time",
+        else f"nothing, if {table.wanted} was out of view for that share of the time",
     )
-
-
-def _counted(table: Candidates) -> str:
-    """What the numbers of a recording count: an image shows one needle once, and several wires each once."""
-    return "images" if len(np.unique(table.rows.target)) == 1 else "sightings"
 
 
 def _nothing_found(table: Candidates, total: int, best: int) -> NoConsensusError:
     table.refuse_mirrored(best, _least_agreeing(table, total))
     images = len(np.unique(table.rows.frame))
     return NoConsensusError(
-        f"{table.rows.source}: no calibration agrees with more than {best} of {total} {_counted(table)}; "
+        f"{table.rows.source}: no calibration agrees with more than {best} of {total} {table.counted}; "
         f"{len(table)} candidates in {images} images were tried, and so few agree by chance; check in the contact "
-        "sheet that the needle is visible and marked",
+        f"sheet that {table.wanted} is visible and marked",
         best_count=best,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,8 @@ __all__ = ["contact_sheet"]
 COLUMNS = 4
 TILE_PX = 320
 DOTS_PX = 4
+WALL_DOT_PX = 2
+"""A wall is white, and a dot of one pixel is lost on it."""
 OTHER, FIRST, CHOSEN = (255, 170, 0), (255, 230, 90), (60, 230, 90)
 # By dimension, for each view: what is looked along (an axis of the array), and the image axes right and down.
 VIEWS: dict[int, tuple[tuple[int | None, list[int]], ...]] = {
@@ -37,17 +41,20 @@ Mark = tuple[Array, tuple[int, int, int]]
 
 
 def contact_sheet(
-    recording: Recording, detections: Detections, chosen: Observations | None = None, tiles: int = 12
+    recording: Recording,
+    detections: Detections | Sequence[Detections],
+    chosen: Observations | None = None,
+    tiles: int = 12,
 ) -> Pixels:
     """Images spread over a recording with detections marked: orange, yellow the best, green the chosen one.
 
     Each bears its frame's number. A volume shows as the brightest voxels seen from the front, along w, and from the
-    side, along u, with its lines dotted.
+    side, along u, with its lines dotted. So are walls: from one of the points that were fitted to another.
 
     Args:
         recording: images.
-        detections: of its images.
-        chosen: the rows that a calibration rests on; in volumes two of each line, one after the other.
+        detections: of its images; of several kinds, each kind's.
+        chosen: the rows that a calibration rests on; those of a line or plane one after the other.
         tiles: how many images.
 
     Returns:
@@ -57,25 +64,32 @@ def contact_sheet(
         InputError: the recording has no images.
     """
     require("recording", recording, Recording)
-    require("detections", detections, Detections)
+    kinds = [detections] if isinstance(detections, Detections) else detections
+    for one in kinds:
+        require("detections", one, Detections)
     if len(recording.frames) == 0:
         raise InputError(f"{recording.name}: has no images to show")
     count = len(recording.frames)
     wanted = np.unique(np.linspace(0, count - 1, min(tiles, count)).astype(int)).tolist()
-    pictures = [_tile(recording, _marks(detections, chosen, i), i) for i in wanted]
+    pictures = [_tile(recording, _marks(kinds, chosen, i), i) for i in wanted]
     pictures += [np.zeros_like(pictures[0])] * (-len(pictures) % COLUMNS)
     rows = [np.hstack(pictures[i : i + COLUMNS]) for i in range(0, len(pictures), COLUMNS)]
     return np.asarray(np.vstack(rows))
 
 
-def _marks(detections: Detections, chosen: Observations | None, index: int) -> list[Mark]:
+def _marks(kinds: Sequence[Detections], chosen: Observations | None, index: int) -> list[Mark]:
     """What to mark in an image, the best last."""
-    here = np.flatnonzero(detections.frame == index)
-    here = here[np.argsort(-detections.rank[here], kind="stable")]
-    marks = [(detections.points_px[row], FIRST if detections.rank[row] == 0 else OTHER) for row in here]
+    marks: list[Mark] = []
+    for detections in kinds:
+        here = np.flatnonzero(detections.frame == index)
+        here = here[np.argsort(-detections.rank[here], kind="stable")]
+        marks += [(detections.points_px[row], FIRST if detections.rank[row] == 0 else OTHER) for row in here]
     if chosen is not None:
-        shape = (-1, *detections.points_px.shape[1:])
-        marks += [(points, CHOSEN) for points in chosen.points_px[chosen.frame == index].reshape(shape)]
+        here = np.flatnonzero(chosen.frame == index)
+        sightings = chosen.sightings[here]
+        marks += [
+            (chosen.points_px[here[sightings == one]], CHOSEN) for one in dict.fromkeys(sightings.tolist())
+        ]
     return marks
 
 
@@ -109,7 +123,11 @@ def _view(
     view = _small(flat.T if axes == [2, 1] else flat, step)
     for points, colour in marks:
         place = points[:, axes] / step
-        _cross(view, place[0], colour) if len(place) == 1 else _dots(view, place, colour)
+        if len(place) == 1:
+            _cross(view, place[0], colour)
+        for i in range(len(place) if len(place) > 2 else len(place) - 1):
+            size = 1 if along is not None and len(place) == 2 else WALL_DOT_PX
+            _dots(view, place[[i, (i + 1) % len(place)]], colour, size)
     view[-1], view[:, -1] = 60, 60
     return view
 
@@ -121,12 +139,12 @@ def _small(grey: NDArray[np.float32], step: float) -> Pixels:
     return np.repeat(levels[v.astype(int)[:, None], u.astype(int), None], 3, axis=2)
 
 
-def _dots(tile: Pixels, ends: Array, colour: tuple[int, int, int]) -> None:
+def _dots(tile: Pixels, ends: Array, colour: tuple[int, int, int], size: int) -> None:
     """A line of dots, between which what they lie on stays visible."""
     count = max(2, int(np.linalg.norm(ends[1] - ends[0]) / DOTS_PX))
     for u, v in np.rint(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0])).astype(int):
         if 0 <= v < tile.shape[0] and 0 <= u < tile.shape[1]:
-            tile[v, u] = colour
+            tile[v : v + size, u : u + size] = colour
 
 
 def _cross(tile: Pixels, place: Array, colour: tuple[int, int, int]) -> None:

@@ -18,7 +18,7 @@ from sonocal.sweep.options import PointsOptions, of_calibrate
 from sonocal.sweep.tabulate import Posing, check_places, moved
 from sonocal.targets import Line, Plane, Point, Target, check_lines
 
-__all__ = ["calibrate_targets", "tabulate_targets"]
+__all__ = ["calibrate_targets", "spanning_mm", "tabulate_targets"]
 
 
 def calibrate_targets(
@@ -61,7 +61,7 @@ def tabulate_targets(
     check_places(recording, detections)
     used = [targets[i] for i in np.unique(which)]
     place = np.searchsorted(np.unique(which), which)
-    spanning = _spanning_mm(recording, used, posing)[detections.frame, place]
+    spanning = spanning_mm(recording, used, posing)[detections.frame, place]
     posed = np.asarray(np.isfinite(spanning[:, 0]).all(axis=1))
     if not posed.any():
         raise InputError(
@@ -97,7 +97,7 @@ def _named(targets: Sequence[Target], detections: Detections) -> np.ndarray[tupl
     return np.array([names.index(str(name)) for name in found], dtype=np.int64)
 
 
-def _spanning_mm(recording: Recording, targets: Sequence[Target], posing: Posing) -> Array:
+def spanning_mm(recording: Recording, targets: Sequence[Target], posing: Posing) -> Array:
     """(F, T, 3, 3): what spans each target, in the probe marker's frame, in every item; NaN without a valid pose."""
     spanning = np.full((len(recording), len(targets), 3, 3), np.nan)
     for i, target in enumerate(targets):

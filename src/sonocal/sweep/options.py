@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options as CalibrationOptions
 from sonocal.detection.options import Centre, DetectionOptions, check_detection_options
-from sonocal.errors import InputError
+from sonocal.errors import InputError, UnsupportedError
+from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 from sonocal.observations.image_size import size_in_words
 from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.registration.options import true_or_false
 from sonocal.sweep.tabulate import Fixed, Posing, check_posing
-from sonocal.targets import Line
+from sonocal.targets import Line, Plane, Point, Target
 
 __all__ = [
     "Keywords",
@@ -35,6 +36,8 @@ THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
 SPACING_SHARE = 0.2
 """Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
 LINE_SAMPLES = 64
+PARALLEL = np.cos(np.radians(10.0))
+"""Of two planes' normals: others meet at an angle that tells them apart."""
 
 
 class PointsKeywords(CalibrationKeywords, total=False):
@@ -131,6 +134,24 @@ class Options(PointsOptions):
             keywords["threshold_mm"] = telling_threshold_mm(lines)
         return cls.for_recording(recording, **keywords)
 
+    @classmethod
+    def for_targets(cls, recording: Recording, targets: Sequence[Target], **keywords: Any) -> Self:
+        """As `for_lines`, of any targets, refusing what is for lines alone.
+
+        Raises:
+            UnsupportedError: such an option was asked for.
+        """
+        if keywords.get("threshold_mm") is None:
+            keywords["threshold_mm"] = telling_threshold_mm(targets)
+        asked = cls.for_recording(recording, **keywords)
+        for name in ("threshold_mm", "latency"):
+            if (value := getattr(asked, name)) in ("auto", "estimate"):
+                raise UnsupportedError(
+                    f"{name} {value!r} is for needles and wires alone, and points or planes are to be found in "
+                    f"{recording.name}; leave it out"
+                )
+        return asked
+
     @property
     def detection(self) -> DetectionOptions:
         """What to look for in the images."""
@@ -154,17 +175,40 @@ def of_calibrate(options: CalibrationOptions, **changes: Any) -> dict[str, Any]:
     return own | changes
 
 
-def telling_threshold_mm(lines: Sequence[Line]) -> float:
-    """Millimetres within which a candidate belongs to one line and not to its neighbour.
+def telling_threshold_mm(targets: Sequence[Target]) -> float:
+    """Millimetres within which a candidate belongs to one target and not to its neighbour.
 
-    5, or a fifth of the distance between lines of one frame, so that they are not taken for one another.
+    5, or a fifth of the distance between targets of one kind and frame, so that they are not taken for one another.
     """
-    steps = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
-    sampled = [line.segment_mm[0] + steps * (line.segment_mm[1] - line.segment_mm[0]) for line in lines]
     apart = [
-        float(np.linalg.norm(sampled[i][:, None] - sampled[j], axis=-1).min())
-        for i in range(len(lines))
+        _apart_mm(targets[i], targets[j])
+        for i in range(len(targets))
         for j in range(i)
-        if lines[i].frame == lines[j].frame
+        if targets[i].frame == targets[j].frame
     ]
     return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_THRESHOLD_MM, THRESHOLD_MM))
+
+
+def _apart_mm(one: Target, other: Target) -> float:
+    """The least distance between two lines or points, or between parallel planes; without end for what is unlike."""
+    if isinstance(one, Plane) and isinstance(other, Plane):
+        away = other.points_mm.mean(axis=0) - one.points_mm.mean(axis=0)
+        parallel = abs(float(_normal(one) @ _normal(other))) >= PARALLEL
+        return abs(float(_normal(one) @ away)) if parallel else np.inf
+    if type(one) is not type(other):
+        return np.inf
+    first, second = _samples(one), _samples(other)
+    return float(np.linalg.norm(first[:, None] - second, axis=-1).min())
+
+
+def _normal(plane: Plane) -> Array:
+    normal = np.cross(*(plane.points_mm[1:] - plane.points_mm[0]))
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def _samples(target: Target) -> Array:
+    """(K, 3): of a line some places along it."""
+    if isinstance(target, Point):
+        return target.spanning_mm
+    ends, steps = target.spanning_mm, np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
+    return np.asarray(ends[0] + steps * (ends[1] - ends[0]))
