@@ -24,11 +24,15 @@ from sonocal.registration.constraints import (
     rows,
 )
 from sonocal.registration.register import Registration, register
+from sonocal.registration.unplaced import Place, Placed, UnplacedTarget, register_unplaced
 
 __all__ = [
     "FreeMotion",
+    "Place",
+    "Placed",
     "Registration",
     "Rows",
+    "UnplacedTarget",
     "line_line",
     "line_plane",
     "plane_plane",
@@ -38,6 +42,7 @@ __all__ = [
     "point_point",
     "rank",
     "register",
+    "register_unplaced",
     "rows",
     "solvers",
 ]

@@ -7,6 +7,7 @@ from sonocal.targets.device_set import DeviceSet, Stated, read_device_set
 from sonocal.targets.formats import read_lines, read_targets_and_fixed
 from sonocal.targets.lines import Line, Plane, Point, Target, check_lines, require_lines
 from sonocal.targets.toml_file import Targets, lines_toml, read_points_toml, read_targets, write_lines
+from sonocal.targets.unplaced import Unplaced
 
 __all__ = [
     "DeviceSet",
@@ -16,6 +17,7 @@ __all__ = [
     "Stated",
     "Target",
     "Targets",
+    "Unplaced",
     "check_lines",
     "lines_toml",
     "read_device_set",
