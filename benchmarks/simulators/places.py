@@ -13,7 +13,19 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.simulators.mixes import Array
 
-__all__ = ["IMAGE_PX", "Noise", "Sweep", "image_points", "sweep"]
+__all__ = [
+    "IMAGE_PX",
+    "SPANS",
+    "Kind",
+    "Noise",
+    "Sweep",
+    "directions",
+    "image_home",
+    "image_points",
+    "in_image",
+    "shaken",
+    "sweep",
+]
 
 Kind = Literal["point", "line", "plane"]
 IMAGE_PX = (500, 500)
@@ -99,7 +111,7 @@ def sweep(
     truth[:3, :3] = SCALE_MM_PER_PX * Rotation.random(random_state=random.integers(2**31)).as_matrix()
     truth[:3, 3] = random.normal(size=3) * 15 - truth[:3, :3] @ np.array([*IMAGE_PX, 0]) * 0.5
     truth[:3, 3] += truth[:3, 1] / SCALE_MM_PER_PX * 80
-    along, across = _directions(kind, random)
+    along, across = directions(kind, random)
     middle = random.normal(size=3) * 200 + [0, 0, -1200]
     place = np.array([middle, middle + 50 * along, middle + 50 * across])[: SPANS[kind]]
     each = points_each or (2 if kind == "plane" or (kind == "line" and dimension == 3) else 1)
@@ -116,9 +128,9 @@ def sweep(
     place = (place - local[:3, 3]) @ local[:3, :3]
     is_wrong = random.random(frames) < wrong
     if noise is not None:
-        measured = _shaken(probe_from_target, noise, random)
+        measured = shaken(probe_from_target, noise, random)
         if tracked:
-            measured = np.linalg.inv(_shaken(np.linalg.inv(measured), noise, random))
+            measured = np.linalg.inv(shaken(np.linalg.inv(measured), noise, random))
         points = points + random.normal(size=points.shape) * noise.px * np.r_[1, 1, dimension == 3]
     else:
         measured = probe_from_target
@@ -139,7 +151,7 @@ def sweep(
     )
 
 
-def _directions(kind: Kind, random: np.random.Generator) -> tuple[Array, Array]:
+def directions(kind: Kind, random: np.random.Generator) -> tuple[Array, Array]:
     """Along the target, or in it: a thread lies nearly flat, a floor is level."""
     if kind == "plane":
         tip = Rotation.from_rotvec(random.normal(size=3) * np.deg2rad([3, 3, 0])).as_matrix()
@@ -191,7 +203,7 @@ def _scan(
     """Pixels (F, each, 3) and tracker poses inverted (F, 4, 4): the image over the target, from above."""
     (middle, along, across), kind, each = target, hand.kind, hand.each
     linear, points, poses = truth[:3, :3] / SCALE_MM_PER_PX, [], []
-    home = _home(along)
+    home = image_home(along)
     axis = random.normal(size=3)
     axis /= np.linalg.norm(axis)
     for _ in range(frames):
@@ -206,7 +218,7 @@ def _scan(
         pose[:3, 3] = there - rotation @ (truth[:3, :3] @ pixel + truth[:3, 3])
         shown = [pixel]
         if each > 1:
-            step = _in_image(kind, image, along, across) * random.uniform(60, 150)
+            step = in_image(kind, image, along, across) * random.uniform(60, 150)
             shown = (
                 [pixel - step, pixel + step]
                 if each == 2
@@ -217,7 +229,7 @@ def _scan(
     return np.array(points), np.array(poses)
 
 
-def _home(along: Array) -> Array:
+def image_home(along: Array) -> Array:
     """(3, 3): the image's axes in the room, v down into the tank, u across the thread, where nothing turns it."""
     wanted = np.column_stack([np.cross(along, [0, 0, -1.0]), [0, 0, -1.0], -along])
     home, _ = np.linalg.qr(wanted)
@@ -227,7 +239,7 @@ def _home(along: Array) -> Array:
     return home
 
 
-def _in_image(kind: Kind, image: Array, along: Array, across: Array) -> Array:
+def in_image(kind: Kind, image: Array, along: Array, across: Array) -> Array:
     """A direction of the image (unit, px) that lies in the target."""
     if kind == "plane":
         normal = image.T @ np.cross(along, across)
@@ -237,7 +249,7 @@ def _in_image(kind: Kind, image: Array, along: Array, across: Array) -> Array:
     return step / np.linalg.norm(step)
 
 
-def _shaken(poses: Array, noise: Noise, random: np.random.Generator) -> Array:
+def shaken(poses: Array, noise: Noise, random: np.random.Generator) -> Array:
     """Poses (F, 4, 4) of something in the probe's frame, the probe's marker being mistaken."""
     shake = np.broadcast_to(np.eye(4), poses.shape).copy()
     shake[:, :3, :3] = Rotation.from_rotvec(

@@ -53,9 +53,10 @@ def poses_in(source: str, columns: Any, where: Any, count: int) -> Array | None:
     numbers = np.column_stack([_numbers(name, columns[name], where) for name in POSE_COLUMNS])
     poses = numbers.reshape(count, 3, 4)
     blank = np.isnan(numbers)
-    if (row := _first(blank.any(axis=1) & ~blank.all(axis=1))) is not None:
+    cells = np.count_nonzero(blank, axis=1)
+    if (row := _first(np.logical_and(cells > 0, cells < len(POSE_COLUMNS)))) is not None:
         raise InputError(f"{where(row)}: gives a part of its pose; fill in all twelve cells, or none")
-    turned: Array = np.where(blank.any(axis=1)[:, None, None], np.eye(3), poses[:, :, :3])
+    turned: Array = np.where(blank[:, 0][:, None, None], np.eye(3), poses[:, :, :3])
     off: Array = (
         np.abs(np.swapaxes(turned, 1, 2) @ turned - np.eye(3)).reshape(-1, 9).max(axis=1, initial=0.0)
     )

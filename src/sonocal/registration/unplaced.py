@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import NoConsensusError
-from sonocal.geometry import Array, Similarity
+from sonocal.errors import NoConsensusError, UnsupportedError
+from sonocal.geometry import Array, AxisScaled, Similarity
 from sonocal.geometry.shown import brief
-from sonocal.registration.options import positive_number, whole_number
+from sonocal.registration.options import Model, one_of, positive_number, whole_number
 from sonocal.registration.unplaced_motion import refuse_collapse, refuse_motion
 from sonocal.registration.unplaced_rows import SIGMA_MM, SIGMA_PX, UnplacedRows, UnplacedTarget
+from sonocal.registration.unplaced_search import Found, find, find_under_lag
+from sonocal.registration.unplaced_time import PosesInTime
 
 __all__ = ["Place", "Placed", "UnplacedTarget", "register_unplaced"]
 
@@ -53,25 +56,27 @@ class Placed:
         covariance: (k, k), of its tangent, with the noise estimated.
         nominal_covariance: likewise, with noise not less than expected of the tracker and the images.
         places: of each target.
-        lag_s: None where none was asked for.
+        lag_s: by how much later poses are stamped than images; None where that was not asked for.
+        lag_sigma_s: its standard deviation.
         sigma_px, sigma_mm: noise of an image point, and of a pose's translation, along every axis.
         freedom: residuals to spare.
-        residuals_mm: (N,): of each row from its target.
+        residuals_mm: (N,): of each row from its target; NaN where the lag leads beyond what is known.
         inlier: (N,): those that agree.
         alternatives: other answers that fit as well, mm from px.
     """
 
-    marker_from_source: Similarity
+    marker_from_source: AxisScaled
     covariance: Array
     nominal_covariance: Array
     places: tuple[Place, ...]
     lag_s: float | None
+    lag_sigma_s: float | None
     sigma_px: float
     sigma_mm: float
     freedom: int
     residuals_mm: Array
     inlier: NDArray[np.bool_]
-    alternatives: tuple[Similarity, ...] = ()
+    alternatives: tuple[AxisScaled, ...] = ()
 
     __repr__ = brief
 
@@ -83,7 +88,9 @@ def register_unplaced(
     *,
     target: ArrayLike | None = None,
     frame: ArrayLike | None = None,
+    time_s: ArrayLike | None = None,
     start: Similarity | None = None,
+    model: Model = "similarity",
     threshold_mm: float = 5.0,
     sigma_px: float | None = None,
     sigma_mm: float | None = None,
@@ -107,7 +114,9 @@ def register_unplaced(
         targets: what was seen; at least one whose place is not known.
         target: (N,): which of them each row is of; default: the first.
         frame: (N,): rows of one instant share a number, and the noise of its poses; default: each its own.
+        time_s: (N,): when each row's image was taken: then poses are stamped later by a lag that is asked for, too.
         start: near the answer; default: from nothing.
+        model: "anisotropic": a scale along u and one along v, of 2D images.
         threshold_mm: rows within this distance agree, in the search.
         sigma_px: noise of an image point along every axis, where known.
         sigma_mm: noise of a pose's translation along every axis, where known; it turns by 0.2 degrees for 0.3 mm.
@@ -118,6 +127,7 @@ def register_unplaced(
     Raises:
         InputError: shapes differ, a pose is not rigid, or an option means nothing.
         DegenerateGeometryError: the motion cannot give the answer; the sentence says which is missing.
+        UnsupportedError: two scales of a volume.
         NoConsensusError: nothing agrees with enough rows.
 
     Source: section 5.1 of the paper, with the target's place as further unknowns.
@@ -127,51 +137,75 @@ def register_unplaced(
         SIGMA_PX if sigma_px is None else positive_number("sigma_px", sigma_px),
         SIGMA_MM if sigma_mm is None else positive_number("sigma_mm", sigma_mm),
     )
-    found = rows.find(
-        start=None if start is None else np.ascontiguousarray(start.matrix),
-        level_px=levels[0],
-        level_mm=levels[1],
-        levels_known=sigma_px is not None and sigma_mm is not None,
-        threshold_mm=positive_number("threshold_mm", threshold_mm),
-        max_samples=whole_number("max_samples", max_samples, 1, 1 << 30),
-        seed=whole_number("seed", seed, 0, 2**64 - 1),
+    scales = _scales(model, rows)
+    how = {
+        "scales": scales,
+        "level_px": levels[0],
+        "level_mm": levels[1],
+        "levels_known": sigma_px is not None and sigma_mm is not None,
+        "threshold_mm": positive_number("threshold_mm", threshold_mm),
+        "max_samples": whole_number("max_samples", max_samples, 1, 1 << 30),
+        "seed": whole_number("seed", seed, 0, 2**64 - 1),
+    }
+    found = (
+        find(rows, start, how) if time_s is None else find_under_lag(PosesInTime.of(rows, time_s), start, how)
     )
-    if not found:
+    if not found.answers:
         raise NoConsensusError(
             "no calibration and no place of the target agree with the rows; check that they are of one target",
             best_count=0,
         )
-    best, others = found[0], found[1:]
+    best = found.answers[0]
     refuse_collapse(rows, float(best.scales[0]))
-    answer = _answer(rows, best, [other for other in others if other.cost < best.cost + AS_WELL])
     if not trusted:
-        refuse_motion(rows, answer.inlier, answer.marker_from_source, answer.nominal_covariance, best.growth)
-    return answer
+        refuse_motion(found.rows, best.inlier, _transform(best, scales), best.nominal, best.growth)
+    return _placed(rows, found, scales)
 
 
-def _answer(rows: UnplacedRows, found: _core.FoundPlaces, others: Sequence[_core.FoundPlaces]) -> Placed:
-    of_calibration = 7
-    places, at = [], of_calibration
+def _scales(model: Model, rows: UnplacedRows) -> int:
+    if one_of("model", model, ("similarity", "anisotropic")) == "similarity":
+        return 1
+    if rows.dimension == 3:
+        raise UnsupportedError("the anisotropic model is for 2D images; take the similarity for a volume's")
+    return 2
+
+
+def _placed(rows: UnplacedRows, found: Found, scales: int) -> Placed:
+    best = found.answers[0]
+    others = [other for other in found.answers[1:] if other.cost < best.cost + AS_WELL]
+    of_calibration, asked_lag = 6 + scales, found.with_lag is not None
+    covariance_of_all = best.covariance if found.with_lag is None else found.with_lag
+    places, at = [], of_calibration + asked_lag
     for k, target in enumerate(rows.targets):
         free = 0 if target.known else (3, 4, 3)[target.spans - 1]
-        along = {1: None, 2: found.axes[k][:, 2], 3: found.axes[k][:, 0]}[target.spans]
-        covariance = found.covariance[at : at + free, at : at + free] if free else None
-        places.append(Place(target.kind, found.bases[k], along, found.axes[k], covariance))
+        along = {1: None, 2: best.axes[k][:, 2], 3: best.axes[k][:, 0]}[target.spans]
+        covariance = covariance_of_all[at : at + free, at : at + free] if free else None
+        places.append(Place(target.kind, best.bases[k], along, best.axes[k], covariance))
         at += free
+    calibration = slice(0, of_calibration)
     return Placed(
-        _similarity(found),
-        found.covariance[:of_calibration, :of_calibration],
-        found.nominal[:of_calibration, :of_calibration],
+        _transform(best, scales),
+        covariance_of_all[calibration, calibration],
+        best.nominal[calibration, calibration],
         tuple(places),
-        None,
-        found.level_px,
-        found.level_mm,
-        int(found.freedom),
-        rows.in_order(found.distances),
-        rows.in_order(found.inlier),
-        tuple(map(_similarity, others)),
+        found.lag_s,
+        float(np.sqrt(covariance_of_all[of_calibration, of_calibration])) if asked_lag else None,
+        best.level_px,
+        best.level_mm,
+        int(best.freedom),
+        rows.in_order(_of_all(best.distances, found.known, np.nan)),
+        rows.in_order(_of_all(best.inlier, found.known, False)),
+        tuple(_transform(other, scales) for other in others),
     )
 
 
-def _similarity(found: _core.FoundPlaces) -> Similarity:
-    return Similarity(found.rotation, found.translation, float(found.scales[0]))
+def _of_all(values: NDArray[Any], known: NDArray[np.bool_], absent: Any) -> NDArray[Any]:
+    out = np.full(len(known), absent, dtype=values.dtype)
+    out[known] = values
+    return out
+
+
+def _transform(found: _core.FoundPlaces, scales: int) -> AxisScaled:
+    if scales == 1:
+        return Similarity(found.rotation, found.translation, float(found.scales[0]))
+    return AxisScaled(found.rotation, found.translation, found.scales)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import DegenerateGeometryError
-from sonocal.geometry import Array, Similarity
+from sonocal.geometry import Array, AxisScaled, Similarity
 from sonocal.registration.uncertainty import point_covariance, radius_95
 from sonocal.registration.unplaced_rows import UnplacedRows
 
@@ -31,7 +31,7 @@ SCALE = "the motion leaves the scale free", "scale"
 
 
 def refuse_motion(
-    rows: UnplacedRows, inlier: NDArray[np.bool_], similarity: Similarity, nominal: Array, growth: float
+    rows: UnplacedRows, inlier: NDArray[np.bool_], transform: AxisScaled, nominal: Array, growth: float
 ) -> None:
     """Refuse an answer that the motion does not hold.
 
@@ -40,18 +40,18 @@ def refuse_motion(
 
     Args:
         rows: what was seen.
-        inlier: (N,), in the order given: rows that agree.
-        similarity: mm from px.
-        nominal: (7, 7): covariance of its tangent with noise not less than expected.
+        inlier: (N,): rows that agree.
+        transform: mm from px.
+        nominal: covariance of its tangent, and more, with noise not less than expected.
         growth: what as much noise again multiplies the knowledge of the worst motion by.
 
     Raises:
         DegenerateGeometryError: which motion is missing, and what to do.
     """
-    agreeing = inlier[rows.order]
-    missing = missing_motion(rows, agreeing)
-    worst = _worst_mm(rows, similarity, nominal)
-    if missing is None and growth < MOST_GROWTH and worst < MOST_ERROR_MM:
+    missing = missing_motion(rows, inlier)
+    worst = _worst_mm(rows, transform, nominal)
+    some_known = any(rows.targets[k].spanning_mm is not None for k in np.unique(rows.target[inlier]))
+    if (missing is None or some_known) and growth < MOST_GROWTH and worst < MOST_ERROR_MM:
         return
     refuse(missing or TOO_LITTLE, worst)
 
@@ -121,9 +121,10 @@ def _spread_px(rows: UnplacedRows, agreeing: NDArray[np.bool_]) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(np.cov(points.T)).clip(0)[-2]))
 
 
-def _worst_mm(rows: UnplacedRows, similarity: Similarity, nominal: Array) -> float:
+def _worst_mm(rows: UnplacedRows, transform: AxisScaled, nominal: Array) -> float:
     if not np.isfinite(nominal).all():
         return np.inf
+    tangent = 7 if isinstance(transform, Similarity) else 8
     low, high = rows.points.min(axis=0), rows.points.max(axis=0)
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
-    return float(radius_95(point_covariance(similarity, nominal, corners)).max())
+    return float(radius_95(point_covariance(transform, nominal[:tangent, :tangent], corners)).max())

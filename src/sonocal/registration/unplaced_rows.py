@@ -115,8 +115,8 @@ class UnplacedRows:
             order,
         )
 
-    def find(self, **how: Any) -> list[_core.FoundPlaces]:
-        """Answers, the best first.
+    def find(self, *, changes: Array | None = None, **how: Any) -> list[_core.FoundPlaces]:
+        """Answers, the best first; with a lag where (N, 3, 4) derivatives of the bodies' poses of the marker are given.
 
         Raises:
             InputError: a number is not finite, or a pose not rigid.
@@ -125,7 +125,7 @@ class UnplacedRows:
             return _core.find_places(
                 self.points,
                 self.poses,
-                None,
+                changes,
                 self.group,
                 self.target,
                 *self._priors(),
