@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import NoConsensusError, UnsupportedError
+from sonocal.errors import DegenerateGeometryError, NoConsensusError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, Similarity
 from sonocal.geometry.shown import brief
 from sonocal.registration.options import Model, one_of, positive_number, whole_number
+from sonocal.registration.uncertainty import NORMAL_95
 from sonocal.registration.unplaced_motion import refuse_collapse, refuse_motion
 from sonocal.registration.unplaced_rows import SIGMA_MM, SIGMA_PX, UnplacedRows, UnplacedTarget
 from sonocal.registration.unplaced_search import Found, find, find_under_lag
@@ -21,6 +22,8 @@ from sonocal.registration.unplaced_time import PosesInTime
 
 __all__ = ["Place", "Placed", "UnplacedTarget", "register_unplaced"]
 
+# Of a lag, to either side (95 %).
+LONGEST_DOUBT_S = 0.05
 # In units of variance: another answer that costs no more than this more fits as well.
 AS_WELL = 9.0
 
@@ -159,7 +162,7 @@ def register_unplaced(
     refuse_collapse(rows, float(best.scales[0]))
     if not trusted:
         refuse_motion(found.rows, best.inlier, _transform(best, scales), best.nominal, best.growth)
-    return _placed(rows, found, scales)
+    return _with_lag_told(_placed(rows, found, scales))
 
 
 def _scales(model: Model, rows: UnplacedRows) -> int:
@@ -197,6 +200,16 @@ def _placed(rows: UnplacedRows, found: Found, scales: int) -> Placed:
         rows.in_order(_of_all(best.inlier, found.known, False)),
         tuple(_transform(other, scales) for other in others),
     )
+
+
+def _with_lag_told(placed: Placed) -> Placed:
+    if placed.lag_sigma_s is not None and not NORMAL_95 * placed.lag_sigma_s < LONGEST_DOUBT_S:
+        raise DegenerateGeometryError(
+            f"the motion tells the lag to +-{1e3 * NORMAL_95 * placed.lag_sigma_s:.0f} ms only; scan for longer, "
+            "without stops, or give the lag",
+            "lag-untold",
+        )
+    return placed
 
 
 def _of_all(values: NDArray[Any], known: NDArray[np.bool_], absent: Any) -> NDArray[Any]:

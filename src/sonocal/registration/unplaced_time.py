@@ -13,7 +13,7 @@ from sonocal.geometry import Array, real_array
 from sonocal.geometry.shown import brief
 from sonocal.registration.unplaced_rows import UnplacedRows
 
-__all__ = ["PosesInTime"]
+__all__ = ["PosesInTime", "poses_later"]
 
 # Between two poses further apart nothing is known of the way.
 LONGEST_GAP_S = 1.0
@@ -92,7 +92,7 @@ class PosesInTime:
         if not np.sqrt(np.mean(speed**2)) > LEAST_SPEED_MM_S:
             raise DegenerateGeometryError(
                 "the probe and its target hardly move, so that no lag shows; scan without stops, or leave the lag out",
-                "no-lag",
+                "lag-untold",
             )
         return np.ascontiguousarray(derivative)
 
@@ -112,6 +112,23 @@ class PosesInTime:
             if len(times) > 1:
                 poses[mine] = way(times, known, self.time_s[mine] + lag_s)
         return poses
+
+
+def poses_later(poses: ArrayLike, target: ArrayLike, time_s: ArrayLike, lag_s: float) -> Array:
+    """(N, 3, 4): poses (N, 4, 4) of targets (N,) so much later than at their times (N,).
+
+    Where they are not known then, as they were.
+    """
+    given, which, times = (np.asarray(one) for one in (poses, target, time_s))
+    later = np.array(given[:, :3])
+    for k in np.unique(which):
+        mine = np.flatnonzero(which == k)
+        distinct, first = np.unique(times[mine], return_index=True)
+        if len(distinct) < 2:
+            continue
+        there = _between(distinct, given[mine[first], :3], times[mine] + lag_s)
+        later[mine] = np.where(np.isfinite(there), there, later[mine])
+    return later
 
 
 def _places(times: Array, at: Array) -> tuple[NDArray[np.int64], Array]:
