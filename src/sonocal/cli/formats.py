@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from sonocal.report.page_file import Page
     from sonocal.simulation.truth_file import KnownTruth
     from sonocal.studies.results_file import StudyResults
-    from sonocal.targets import Line, Target
+    from sonocal.targets import Line, Target, Unplaced
     from sonocal.validation import PointSightings
 
 __all__ = [
@@ -154,6 +154,20 @@ def targets_in(path: Path) -> tuple[tuple[Target, ...], Mapping[tuple[str, str],
     return read_targets_and_fixed(path)
 
 
+def every_target_in(path: Path) -> tuple[Target | Unplaced, ...]:
+    """Targets in a file that the command line was given, with those whose place is unknown. Raises as `lines_in`."""
+    from sonocal.targets import read_targets_and_fixed, read_unplaced
+
+    require_kind(path, ("targets", "device set"), "name a file of targets (.toml), or a device set (.xml)")
+    unplaced = read_unplaced(path)
+    try:
+        return (*read_targets_and_fixed(path)[0], *unplaced)
+    except InputError:
+        if not unplaced:
+            raise
+        return unplaced
+
+
 def table() -> str:
     """The formats as the table of docs/formats.md."""
     rows = [
@@ -251,7 +265,7 @@ TABLES: tuple[Format, ...] = (
         name="table of sightings",
         kind="observations",
         suffixes=TABLE_SUFFIXES,
-        header="the column x0_mm",
+        header="the column x0_mm or probe_from_target_00",
         sniff=is_observations,
         read=_observations,
         holds="points of images against lines, with further columns",

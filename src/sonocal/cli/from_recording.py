@@ -31,6 +31,7 @@ __all__ = [
     "TABLE",
     "Result",
     "at_lag",
+    "at_places",
     "from_recording",
     "looking",
 ]
@@ -104,10 +105,22 @@ def from_recording(
 def at_lag(rows: Observations, found: Calibration) -> Result:
     """A calibration of a table under a lag, with the table whose lines are where that leads."""
     from sonocal.calibration.lagged import rows_at_lag
-    from sonocal.observations.table_file import as_file
 
     assert found.latency_s is not None
-    table, moved = as_file(rows_at_lag(rows, found.latency_s), TABLE)
+    return _moved(rows, found, rows_at_lag(rows, found.latency_s))
+
+
+def at_places(rows: Observations, found: Calibration) -> Result:
+    """A calibration of a table that found its targets' places, with the table whose targets are there."""
+    from sonocal.calibration import placed_by
+
+    return _moved(rows, found, placed_by(found, rows))
+
+
+def _moved(rows: Observations, found: Calibration, there: Observations) -> Result:
+    from sonocal.observations.table_file import as_file
+
+    table, moved = as_file(there, TABLE)
     recorded = {"recorded": {"table": {"input": rows.source, "sha256": rows.sha256}}}
     provenance = found.provenance | {"input": moved.source, "sha256": moved.sha256} | recorded
     return Result(moved, replace(found, provenance=provenance), {TABLE: table})
