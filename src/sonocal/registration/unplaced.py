@@ -15,7 +15,7 @@ from sonocal.geometry import Array, AxisScaled, Similarity
 from sonocal.geometry.shown import brief
 from sonocal.registration.options import Model, one_of, positive_number, whole_number
 from sonocal.registration.uncertainty import NORMAL_95
-from sonocal.registration.unplaced_motion import refuse_collapse, refuse_motion
+from sonocal.registration.unplaced_motion import refuse_collapse, refuse_missing, refuse_motion
 from sonocal.registration.unplaced_rows import SIGMA_MM, SIGMA_PX, UnplacedRows, UnplacedTarget
 from sonocal.registration.unplaced_search import Found, find, find_under_lag
 from sonocal.registration.unplaced_time import PosesInTime
@@ -154,6 +154,7 @@ def register_unplaced(
         find(rows, start, how) if time_s is None else find_under_lag(PosesInTime.of(rows, time_s), start, how)
     )
     if not found.answers:
+        refuse_missing(rows)
         raise NoConsensusError(
             "no calibration and no place of the target agree with the rows; check that they are of one target",
             best_count=0,

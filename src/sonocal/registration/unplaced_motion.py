@@ -12,7 +12,7 @@ from sonocal.geometry import Array, AxisScaled, Similarity
 from sonocal.registration.uncertainty import point_covariance, radius_95
 from sonocal.registration.unplaced_rows import UnplacedRows
 
-__all__ = ["missing_motion", "refuse_collapse", "refuse_motion", "turns_deg"]
+__all__ = ["missing_motion", "refuse_collapse", "refuse_missing", "refuse_motion", "turns_deg"]
 
 # As much noise again multiplies what is known of a motion by this: of geometry it is 1, of noise alone 2.
 MOST_GROWTH = 1.25
@@ -65,6 +65,17 @@ def refuse_collapse(rows: UnplacedRows, scale: float) -> None:
     extent_mm = scale * float(np.ptp(rows.points, axis=0).max())
     if not extent_mm > LEAST_EXTENT_MM:
         refuse(missing_motion(rows, np.ones(len(rows.points), dtype=bool)) or SCALE, np.inf)
+
+
+def refuse_missing(rows: UnplacedRows) -> None:
+    """Refuse rows none of whose targets is known, and whose motion lacks something that has a name.
+
+    Raises:
+        DegenerateGeometryError: which motion is missing.
+    """
+    missing = missing_motion(rows, np.ones(len(rows.points), dtype=bool))
+    if missing is not None and all(rows.targets[k].spanning_mm is None for k in np.unique(rows.target)):
+        refuse(missing, np.inf)
 
 
 def refuse(missing: tuple[str, str], worst_mm: float) -> NoReturn:

@@ -19,6 +19,8 @@ __all__ = ["SIGMA_MM", "SIGMA_PX", "UnplacedRows", "UnplacedTarget"]
 KINDS = ("point", "line", "plane")
 # What trackers and images have: a pose turns by 0.2 degrees where it shifts by 0.3 mm.
 SIGMA_PX, SIGMA_MM = 1.0, 0.3
+# Of what a rotation's columns have to do with one another.
+ROUNDED = 1e-3
 RAD_PER_MM = float(np.deg2rad(0.2) / SIGMA_MM)
 
 
@@ -107,7 +109,7 @@ class UnplacedRows:
         order = np.argsort(instant, kind="stable")
         return cls(
             np.ascontiguousarray(homogeneous_points(given)[order]),
-            np.ascontiguousarray(matrices[order, :3]),
+            np.ascontiguousarray(_rigid(matrices)[order]),
             np.unique(instant[order], return_inverse=True)[1].astype(np.int32),
             which[order].astype(np.int32),
             tuple(targets),
@@ -162,6 +164,25 @@ class UnplacedRows:
         spans = np.array([target.spans for target in self.targets], dtype=np.int32)
         body = np.array([-1 if t.body is None else t.body for t in self.targets], dtype=np.int32)
         return spans, spanning, sigma_mm, sigma_rad, body
+
+
+def _rigid(matrices: Array) -> Array:
+    """(N, 3, 4): with the rotations nearest to those given, whose digits a file has rounded.
+
+    Raises:
+        InputError: one is none.
+    """
+    turned = matrices[:, :3, :3]
+    if not np.isfinite(matrices).all():
+        raise InputError("marker_from_body must be finite numbers; leave out rows without a pose")
+    off = np.abs(np.swapaxes(turned, 1, 2) @ turned - np.eye(3)).reshape(len(turned), 9).max(axis=1)
+    wrong = np.logical_or(off > ROUNDED, np.linalg.det(turned) < 0)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        size = float(np.linalg.det(turned[row]))
+        raise InputError(f"marker_from_body of row {row}: a pose is not rigid (det R = {size:.3g})")
+    u, _, vt = np.linalg.svd(turned)
+    return np.concatenate([u @ vt, matrices[:, :3, 3:]], axis=2)
 
 
 def _codes(name: str, values: ArrayLike, count: int) -> NDArray[np.int64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -110,14 +110,6 @@ class Plane:
 Target = Line | Plane | Point
 
 
-class Named(Protocol):
-    """What has a name."""
-
-    @property
-    def name(self) -> str:
-        """Which no other has."""
-
-
 def require_lines(lines: object) -> None:
     """Refuse what is no sequence of lines.
 
@@ -135,7 +127,7 @@ def require_lines(lines: object) -> None:
         require("lines", line, Line)
 
 
-def check_lines(name: str, lines: Sequence[Named], what: str = "lines") -> None:
+def check_lines(name: str, lines: Sequence[Any], what: str = "lines") -> None:
     """Refuse two lines, or other targets, of one name, which no detection could tell apart."""
     seen: set[str] = set()
     for line in lines:
