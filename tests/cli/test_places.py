@@ -9,6 +9,8 @@ from click.testing import CliRunner
 
 import sonocal as sc
 from sonocal.cli.main import main
+from sonocal.simulation.sweep import SweepOptions, simulate_sweep
+from sonocal.simulation.sweep_files import write_sweep
 from tests.builders.tank import unplaced_table
 
 THREAD = '[[line]]\nname = "thread"\nframe = "Tracker"\nplace = "unknown"\n'
@@ -116,3 +118,58 @@ def test_other_commands_say_that_the_place_is_missing(tank, tmp_path):
     result = run("validate", out / "calibration.json", folder / "tank.csv")
     assert result.exit_code == 1
     assert "says nothing of where its target 'thread' is" in " ".join(result.stderr.split())
+
+
+def test_a_needle_that_was_never_pivoted_is_found_in_images(tmp_path):
+    sweep_of = simulate_sweep(options=SweepOptions(frames=120, sigma_mm=0.3, hidden_share=0.1, seed=2))
+    write_sweep(sweep_of, tmp_path / "sweep")
+    needle = tmp_path / "needle.toml"
+    needle.write_text(THREAD.replace("thread", "needle").replace("Tracker", "Needle"))
+    (recording,) = (tmp_path / "sweep").glob("*.mha")
+    out = tmp_path / "out"
+    result = run("calibrate", recording, "--targets", needle, "-o", out)
+    assert result.exit_code == 0, result.output
+    assert "Line 'needle' is at (" in " ".join(result.stdout.split())
+    found = sc.load(out / "calibration.json")
+    truth = sweep_of.truth.probe_from_image
+    corners = np.array([[0.0, 0], [499, 0], [0, 499], [499, 499]])
+    assert np.linalg.norm(found.probe_from_image @ corners - truth @ corners, axis=1).max() < 2
+    target = found.targets["needle"]
+    assert abs(target.direction[2]) > 0.999  # along its marker's z, through its origin
+    assert np.linalg.norm(np.cross(target.middle_mm, target.direction)) < 2
+    assert sorted(path.name for path in out.iterdir()) == [
+        "calibration.json",
+        "contact-sheet.png",
+        "observations.csv",
+        "report.html",
+    ]
+
+
+def test_points_of_a_recording_are_taken_against_a_thread_nobody_placed(tmp_path):
+    sweep_of = simulate_sweep(options=SweepOptions(frames=80, sigma_mm=0.3, seed=4, hidden_share=0.0))
+    write_sweep(sweep_of, tmp_path / "sweep")
+    (recording,) = (tmp_path / "sweep").glob("*.mha")
+    needle = tmp_path / "needle.toml"
+    needle.write_text(THREAD.replace("thread", "needle").replace("Tracker", "Needle"))
+    shown = sweep_of.truth.visible
+    lines = [f"{i},{u!r},{v!r}" for i, (u, v) in enumerate(sweep_of.truth.shown_px.tolist()) if shown[i]]
+    (tmp_path / "points.csv").write_text("frame,u_px,v_px\n" + "\n".join(lines) + "\n")
+    out = tmp_path / "out"
+    result = run("calibrate", recording, "--targets", needle, "--points", tmp_path / "points.csv", "-o", out)
+    assert result.exit_code == 0, result.output
+    found = sc.load(out / "calibration.json")
+    corners = np.array([[0.0, 0], [499, 0], [0, 499], [499, 499]])
+    truth = sweep_of.truth.probe_from_image
+    assert np.linalg.norm(found.probe_from_image @ corners - truth @ corners, axis=1).max() < 3
+
+
+def test_a_floor_is_not_looked_for_in_images(tmp_path):
+    sweep_of = simulate_sweep(options=SweepOptions(frames=10, seed=3))
+    write_sweep(sweep_of, tmp_path / "sweep")
+    (recording,) = (tmp_path / "sweep").glob("*.mha")
+    (tmp_path / "floor.toml").write_text('[[plane]]\nname = "floor"\nframe = "Tracker"\nplace = "unknown"\n')
+    result = run("calibrate", recording, "--targets", tmp_path / "floor.toml", "-o", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "in images lines alone are looked for; give its points with --points" in " ".join(
+        result.stderr.split()
+    )

@@ -308,11 +308,11 @@ def _require_asked(source: Path) -> None:
 
 def _from_table(source: Path, targets: Path | None, options: dict[str, Any], *, accept_units: bool) -> Result:
     import sonocal
-    from sonocal.cli.formats import every_target_in
+    from sonocal.cli.formats import targets_in
 
     rows = sonocal.read_observations(source)
     if targets is not None:
-        options |= {"targets": every_target_in(targets)}
+        options |= {"targets": targets_in(targets)[0]}
     try:
         found = sonocal.calibrate(rows, **options)
         if found.targets:

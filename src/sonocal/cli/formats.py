@@ -146,26 +146,19 @@ def lines_in(path: Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, str], Arr
     return read_lines(path)
 
 
-def targets_in(path: Path) -> tuple[tuple[Target, ...], Mapping[tuple[str, str], Array]]:
-    """Points, lines and planes in a file that the command line was given. Raises as `lines_in`."""
-    from sonocal.targets import read_targets_and_fixed
-
-    require_kind(path, ("targets", "device set"), "name a file of targets (.toml), or a device set (.xml)")
-    return read_targets_and_fixed(path)
-
-
-def every_target_in(path: Path) -> tuple[Target | Unplaced, ...]:
-    """Targets in a file that the command line was given, with those whose place is unknown. Raises as `lines_in`."""
+def targets_in(path: Path) -> tuple[tuple[Target | Unplaced, ...], Mapping[tuple[str, str], Array]]:
+    """Points, lines and planes in a file that the command line was given, placed or not. Raises as `lines_in`."""
     from sonocal.targets import read_targets_and_fixed, read_unplaced
 
     require_kind(path, ("targets", "device set"), "name a file of targets (.toml), or a device set (.xml)")
     unplaced = read_unplaced(path)
     try:
-        return (*read_targets_and_fixed(path)[0], *unplaced)
+        known, fixed = read_targets_and_fixed(path)
     except InputError:
         if not unplaced:
             raise
-        return unplaced
+        return unplaced, {}
+    return (*known, *unplaced), fixed
 
 
 def table() -> str:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sonocal.geometry import AxisScaled
     from sonocal.observations import Observations
     from sonocal.recording import Recording
-    from sonocal.targets import Line, Target
+    from sonocal.targets import Line, Target, Unplaced
 
 __all__ = [
     "OF_DETECTION",
@@ -75,10 +75,12 @@ def from_recording(
     from sonocal.recording import with_latency
     from sonocal.sweep import Posing
     from sonocal.sweep.lagged import with_line_velocities
-    from sonocal.targets import Line
+    from sonocal.sweep.placed import line_at
+    from sonocal.targets import Line, Unplaced
 
     recording = read_given(source, recorded)
     known, fixed = targets_in(lines)
+    unplaced = [one for one in known if isinstance(one, Unplaced)]
     refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
     needles = [one for one in known if isinstance(one, Line)]
     refuse_units(lines.name, unit_doubts(lines=needles), accepted=recorded["accept_units"])
@@ -87,11 +89,15 @@ def from_recording(
         result = _from_points(recording, known, recorded["points"], how)
     else:
         how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
-        lines_in(lines)  # which says so where there is none to look for
-        result = _from_images(recording, needles, output, how | looking(recording, recorded), start)
+        if not unplaced:
+            lines_in(lines)  # which says so where there is none to look for
+        result = _from_images(
+            recording, [*needles, *unplaced], output, how | looking(recording, recorded), start
+        )
     if recording.latency_s != (result.calibration.latency_s or 0.0):  # estimated
         recording = with_latency(recording, result.calibration.latency_s or 0.0)
     posing = Posing(recorded["probe"], fixed, recorded["on_invalid"])
+    needles += [line_at(one, result.calibration) for one in unplaced if one.kind == "line"]
     rows = (
         with_line_velocities(result.rows, recording, needles, posing)
         if result.rows.lines_only
@@ -139,7 +145,9 @@ def looking(recording: Recording, options: Mapping[str, Any]) -> dict[str, Any]:
     return asked | ({"mask": read_mask(asked["mask"], recording.frames.shape[:2])} if "mask" in asked else {})
 
 
-def _from_points(recording: Recording, lines: Sequence[Target], points: Path, how: dict[str, Any]) -> Result:
+def _from_points(
+    recording: Recording, lines: Sequence[Target | Unplaced], points: Path, how: dict[str, Any]
+) -> Result:
     """Calibrate on the points of a table."""
     from sonocal.detection import read_detections
     from sonocal.sweep import calibrate_points
@@ -150,17 +158,17 @@ def _from_points(recording: Recording, lines: Sequence[Target], points: Path, ho
 
 def _from_images(
     recording: Recording,
-    lines: Sequence[Line],
+    lines: Sequence[Line | Unplaced],
     output: Path | None,
     how: dict[str, Any],
     start: AxisScaled | None,
 ) -> Result:
     """Find the needle in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
     from sonocal.files.png import png
-    from sonocal.sweep import Sweep
     from sonocal.sweep.contact_sheet import contact_sheet
+    from sonocal.sweep.recordings import sweep_of
 
-    sweep = Sweep.of(recording, lines, **how)
+    sweep = sweep_of(recording, lines, **how)
     with progress("detecting") as report:
         seen = sweep.detector.detect(report)
     try:

@@ -16,6 +16,7 @@ __all__ = [
     "POSE_COLUMNS",
     "carried",
     "carried_columns",
+    "pose_cells",
     "poses_in",
     "poses_of",
     "unplaced_rows",
@@ -71,9 +72,14 @@ def poses_in(source: str, columns: Any, where: Any, count: int) -> Array | None:
 
 def with_poses(observations: Any, poses: Array) -> Any:
     """The table with poses (N, 3, 4); NaN are blank cells."""
-    columns = poses.reshape(len(observations), 12).T
+    return observations.with_sound(extra={**observations.extra, **pose_cells(poses)})
+
+
+def pose_cells(poses: Array) -> dict[str, NDArray[np.str_]]:
+    """The columns of poses (N, 3, 4), as text; NaN are blank cells."""
+    columns = poses.reshape(-1, 12).T
     text = [np.where(np.isfinite(column), (column + 0.0).astype(np.str_), "") for column in columns]
-    return observations.with_sound(extra={**observations.extra, **dict(zip(POSE_COLUMNS, text, strict=True))})
+    return dict(zip(POSE_COLUMNS, text, strict=True))
 
 
 def unplaced_rows(observations: Any) -> NDArray[np.bool_]:

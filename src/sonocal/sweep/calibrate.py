@@ -20,7 +20,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from sonocal.calibration import Calibration, calibrate, seen_at_assumed_speed
+from sonocal.calibration import Calibration, calibrate, placed_by, seen_at_assumed_speed
 from sonocal.calibration.lagged import lag_of_rows, with_lag
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
@@ -29,7 +29,6 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.recording import Recording, health, stated_scale, with_latency
-from sonocal.recording.health import Progress
 from sonocal.setup_checks.scale import scale_deviation, scale_doubt
 from sonocal.sweep.choice import CandidateCalibration, calibrate_chosen
 from sonocal.sweep.lagged import lag_of_candidates, lag_of_points, most_used, moving_rows, require_clock
@@ -42,65 +41,14 @@ from sonocal.sweep.options import (
     of_calibrate,
     telling_threshold_mm,
 )
+from sonocal.sweep.placed import placed_rows
 from sonocal.sweep.pose_errors import with_pose_errors
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
-from sonocal.targets import Line, Plane, Point, Target, require_lines
+from sonocal.targets import Line, Plane, Point, Target, Unplaced, require_lines
 
-__all__ = ["Sweep", "calibrate_points", "calibrate_recording", "no_candidates"]
-
-
-def calibrate_recording(
-    recording: Recording,
-    lines: Sequence[Line],
-    *,
-    detections: Detections | None = None,
-    progress: Progress | None = None,
-    **options: Unpack[Keywords],
-) -> CandidateCalibration:
-    """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
-
-    Args:
-        recording: images, and poses with any latency undone, see `with_latency`.
-        lines: the needles and wires, see `read_lines`.
-        detections: what `detect` found, where that was done before.
-        progress: called with how many images are done and how many there are.
-        **options: any of those of `sonocal.calibrate`, and of the following, by name.
-
-            What to look for in the images:
-            count (5, in volumes 3): candidates an image at the most.
-            mask (found from the recording): (rows, columns), True where to look; for images.
-            centre ("head"): of a bright spot its first echo, without the tail: needles; "mass": all of it, as PLUS
-            segments wires; for images.
-
-            What connects the lines to the probe:
-            probe ("Probe"): the tool that the probe's marker is called.
-            fixed (None): constant ``(target, source) -> (4, 4)``, such as a device set's.
-            on_invalid ("raise"): refuse poses marked valid that are not rigid, or "skip" them.
-
-            How images and poses belong together:
-            latency (None): "estimate": how much later the tracker stamps an instant than the images do is fitted,
-            too, and undone; needle or probe must move.
-
-            What to choose:
-            threshold_mm (5, or a fifth of the distance between lines of one frame, so that they are not taken for
-            one another): candidates further than this from their needle are wrong; "auto": that is the most, and of
-            the chosen rows those are outliers that are further off than 3.3 standard deviations of their noise.
-            second_look (True): look again, for fainter ones, near where the calibrated needle must be.
-
-    Returns:
-        The calibration, the rows it rests on, and what became of the others.
-
-    Raises:
-        NoConsensusError: nothing in the images moves like the needle.
-        DegenerateGeometryError: the sightings leave a motion free.
-        InputError: the recording lacks images or poses, or an option does not exist or means nothing.
-    """
-    if detections is not None:
-        require("detections", detections, Detections)
-    sweep = Sweep.of(recording, lines, **options)
-    return sweep.calibrate(sweep.detector.detect(progress) if detections is None else detections)
+__all__ = ["Sweep", "calibrate_points", "no_candidates"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,13 +164,17 @@ def no_candidates(name: str, images: int) -> NoConsensusError:
 
 
 def calibrate_points(
-    recording: Recording, lines: Sequence[Target], detections: Detections, **options: Unpack[PointsKeywords]
+    recording: Recording,
+    lines: Sequence[Target | Unplaced],
+    detections: Detections,
+    **options: Unpack[PointsKeywords],
 ) -> tuple[Calibration, Observations]:
     """Calibrate a probe from a recording and points that were found in its images by other means.
 
     Args:
         recording: poses, with any latency undone, and images that need not be decoded.
-        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`.
+        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`; of these some
+            may be `Unplaced`: where they are is found with the calibration.
         detections: the points, see `read_detections`.
         **options: any of those of `sonocal.calibrate`, and `probe`, `fixed` and `on_invalid` of `calibrate_recording`.
 
@@ -237,9 +189,14 @@ def calibrate_points(
     require("recording", recording, Recording)
     require("detections", detections, Detections)
     asked = PointsOptions.for_recording(recording, **options)
-    if not _lines_alone(lines, detections):
-        return calibrate_targets(recording, lines, detections, asked)
-    known: list[Any] = [line for line in lines if not isinstance(line, (Plane, Point))]
+    if isinstance(lines, (tuple, list)) and any(isinstance(one, Unplaced) for one in lines):
+        rows = placed_rows(recording, lines, detections, asked.posing)
+        found = calibrate(rows, **of_calibrate(asked, targets=tuple(lines)))
+        return found, placed_by(found, rows)
+    every: Any = lines
+    if not _lines_alone(every, detections):
+        return calibrate_targets(recording, every, detections, asked)
+    known: list[Any] = [line for line in every if not isinstance(line, (Plane, Point))]
     require_lines(known)
     if len(known) > 1 and (detections.target == "").any():
         raise InputError(

@@ -1,0 +1,81 @@
+"""From a recording of whatever targets to a calibration: of a needle or wires, or of a line that nobody placed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Unpack
+
+from sonocal.detection import Detections
+from sonocal.errors import require
+from sonocal.recording import Recording
+from sonocal.recording.health import Progress
+from sonocal.sweep.calibrate import Sweep
+from sonocal.sweep.choice import CandidateCalibration
+from sonocal.sweep.options import Keywords
+from sonocal.sweep.unplaced_sweep import UnplacedSweep
+from sonocal.targets import Line, Unplaced
+
+__all__ = ["calibrate_recording", "sweep_of"]
+
+
+def calibrate_recording(
+    recording: Recording,
+    lines: Sequence[Line | Unplaced],
+    *,
+    detections: Detections | None = None,
+    progress: Progress | None = None,
+    **options: Unpack[Keywords],
+) -> CandidateCalibration:
+    """Calibrate a probe from a recording of a needle or wires, with nobody clicking.
+
+    Args:
+        recording: images, and poses with any latency undone, see `with_latency`.
+        lines: the needles and wires, see `read_lines`; or one whose place in its frame is unknown, see `Unplaced`: a
+            thread in a tank, a needle that was never pivoted. It is found with the calibration (`Calibration.targets`).
+        detections: what `detect` found, where that was done before.
+        progress: called with how many images are done and how many there are.
+        **options: any of those of `sonocal.calibrate`, and of the following, by name.
+
+            What to look for in the images:
+            count (5, in volumes 3): candidates an image at the most.
+            mask (found from the recording): (rows, columns), True where to look; for images.
+            centre ("head"): of a bright spot its first echo, without the tail: needles; "mass": all of it, as PLUS
+            segments wires; for images.
+
+            What connects the lines to the probe:
+            probe ("Probe"): the tool that the probe's marker is called.
+            fixed (None): constant ``(target, source) -> (4, 4)``, such as a device set's.
+            on_invalid ("raise"): refuse poses marked valid that are not rigid, or "skip" them.
+
+            How images and poses belong together:
+            latency (None): "estimate": how much later the tracker stamps an instant than the images do is fitted,
+            too, and undone; needle or probe must move.
+
+            What to choose:
+            threshold_mm (5, or a fifth of the distance between lines of one frame, so that they are not taken for
+            one another): candidates further than this from their needle are wrong; "auto": that is the most, and of
+            the chosen rows those are outliers that are further off than 3.3 standard deviations of their noise.
+            second_look (True): look again, for fainter ones, near where the calibrated needle must be.
+
+    Returns:
+        The calibration, the rows it rests on, and what became of the others.
+
+    Raises:
+        NoConsensusError: nothing in the images moves like the needle.
+        DegenerateGeometryError: the sightings leave a motion free.
+        InputError: the recording lacks images or poses, or an option does not exist or means nothing.
+    """
+    if detections is not None:
+        require("detections", detections, Detections)
+    sweep = sweep_of(recording, lines, **options)
+    return sweep.calibrate(sweep.detector.detect(progress) if detections is None else detections)
+
+
+def sweep_of(
+    recording: Recording, lines: Sequence[Line | Unplaced], **options: Unpack[Keywords]
+) -> Sweep | UnplacedSweep:
+    """A sweep of lines that are known, or of one whose place is asked for. Raises as `Sweep.of`."""
+    if isinstance(lines, (tuple, list)) and any(isinstance(one, Unplaced) for one in lines):
+        return UnplacedSweep.of(recording, lines, **options)
+    known: Any = lines
+    return Sweep.of(recording, known, **options)
