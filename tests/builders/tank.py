@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import sonocal as sc
+from sonocal.recording import Poses
 from sonocal.targets import Unplaced
 
 
@@ -65,4 +68,11 @@ def unknown(kind, name="thread", frame="Tracker"):
     return Unplaced(kind, name, frame)
 
 
-__all__ = ["both", "placed_table", "unknown", "unplaced_table"]
+def resting_in_room(recording):
+    """The same images of something that rests in the room: what was the needle's frame is the tracker's."""
+    probe, needle = (recording.poses[f"tracker_from_{name}"].matrices for name in ("probe", "needle"))
+    poses = Poses.of("Probe", "Tracker", np.linalg.inv(needle) @ probe)
+    return replace(recording, poses={poses.name: poses})
+
+
+__all__ = ["both", "placed_table", "resting_in_room", "unknown", "unplaced_table"]

@@ -5,10 +5,10 @@ import pytest
 
 import sonocal as sc
 from sonocal.detection import Detections
-from sonocal.recording import Poses
 from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.sweep import calibrate_points
 from sonocal.targets import Line, Unplaced
+from tests.builders.tank import resting_in_room
 
 NEEDLE = [Unplaced("line", "needle", "Needle")]
 CORNERS = np.array([[0.0, 0], [499, 0], [0, 499], [499, 499]])
@@ -24,22 +24,13 @@ def given_points(sweep, **more):
     return Detections.of_points(seen, sweep.truth.shown_px[seen], **more)
 
 
-def in_the_room(recording):
-    """The same images of a thread in the room: what was the needle's frame is the tracker's."""
-    probe, needle = (recording.poses[f"tracker_from_{name}"].matrices for name in ("probe", "needle"))
-    poses = Poses.of("Probe", "Tracker", np.linalg.inv(needle) @ probe)
-    from dataclasses import replace
-
-    return replace(recording, poses={poses.name: poses})
-
-
 @pytest.fixture(scope="module")
 def sweep():
     return simulate_sweep(options=SweepOptions(frames=120, sigma_mm=0.3, hidden_share=0.1, seed=2))
 
 
 def test_a_thread_in_the_room_is_found_in_images(sweep):
-    found = sc.calibrate_recording(in_the_room(sweep.recording), [Unplaced("line", "thread", "Tracker")])
+    found = sc.calibrate_recording(resting_in_room(sweep.recording), [Unplaced("line", "thread", "Tracker")])
     assert worst_mm(found.calibration, sweep.truth.probe_from_image) < 2
     target = found.calibration.targets["thread"]
     assert abs(target.direction[2]) > 0.999  # the needle lies along its frame's z, through the origin

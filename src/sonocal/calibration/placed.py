@@ -34,7 +34,7 @@ __all__ = ["calibrate_with_places", "placed_by", "wants_places"]
 # Where the noise would tell, and places are looked for.
 THRESHOLD_MM = 5.0
 # Random samples, of the search for a place, at the most.
-MOST_SAMPLES = 400
+MOST_SAMPLES = 2000
 
 HOW_TO_MOVE = (
     "tilt the probe by 30 to 40 deg to both sides about two axes, and turn it about the vertical, seeing the target "

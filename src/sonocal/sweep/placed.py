@@ -49,7 +49,7 @@ LEAST_SHARE, LEAST_ROWS = 0.15, 20
 """Of the images, that must agree on a calibration and a place at once: in fewer chance may."""
 FREE_ROWS = 7
 """A calibration and a place can be led through the points of any so many images."""
-MOST_SPREAD = 0.6
+TWICE, MOST_SPREAD = 2.0, 0.6
 """Root mean square over the threshold: of points that are anywhere 0.7."""
 
 
@@ -107,7 +107,7 @@ def first_places(
         for within_mm in (min(CLOSE_MM, threshold_mm), threshold_mm):
             how = of_calibrate(options, targets=tuple(lines), threshold_mm=within_mm)
             try:
-                tried.append(_First.of(calibrate(rows, **how), rows, within_mm))
+                tried.append(_First.of(calibrate(rows, **how), rows))
             except (NoConsensusError, DegenerateGeometryError) as error:
                 refusal = refusal or error
     best = max(tried, key=lambda one: one.beyond_chance, default=None)
@@ -135,9 +135,13 @@ class _First:
     by_chance: float
 
     @classmethod
-    def of(cls, found: Calibration, rows: Observations, within_mm: float) -> _First:
-        """Chance: how many agree when points of an image are taken for those of others."""
-        images = len(np.unique(rows.frame[found.inlier]))
+    def of(cls, found: Calibration, rows: Observations) -> _First:
+        """Chance: how many agree when points of an image are taken for those of others.
+
+        Nearly all that agree are within twice their root mean square; of points that are anywhere, few are.
+        """
+        within_mm = min(found.threshold_mm, TWICE * found.fit.rms_mm)
+        images = len(np.unique(rows.frame[found.inlier & (found.residuals_mm < within_mm)]))
         poses = poses_of(rows)
         assert poses is not None
         (target,) = found.targets.values()
@@ -153,26 +157,24 @@ class _First:
 
     @property
     def beyond_chance(self) -> float:
-        """Images; none where residuals fill all that is allowed to them, as those of what is anywhere do."""
-        spread = self.calibration.fit.rms_mm / self.calibration.threshold_mm
-        return 0.0 if spread > MOST_SPREAD else self.images - self.by_chance
+        return self.images - self.by_chance
 
     def may_be_chance(self, images: int) -> bool:
         """Whether as many would agree with some calibration and some place had images and poses nothing in common.
+
+        Neighbouring images that show the same clutter count once.
 
         Source: a-contrario model estimation (Moisan and Stival 2004).
         """
         from scipy.special import bdtrc, gammaln
 
-        if self.beyond_chance <= 0 or self.images < max(LEAST_SHARE * images, min(LEAST_ROWS, 0.8 * images)):
+        spread = self.calibration.fit.rms_mm / self.calibration.threshold_mm
+        if spread > MOST_SPREAD or self.images < max(LEAST_SHARE * images, min(LEAST_ROWS, 0.8 * images)):
             return True
-        rows, agreeing = images // CLUTTER_FRAMES, self.images // CLUTTER_FRAMES
-        if agreeing <= FREE_ROWS:
-            return True
-        combinations = gammaln(rows + 1) - gammaln(rows - FREE_ROWS + 1) - gammaln(FREE_ROWS + 1)
+        combinations = gammaln(images + 1) - gammaln(images - FREE_ROWS + 1) - gammaln(FREE_ROWS + 1)
         chance = min(self.by_chance / images, 1.0)
-        tail = bdtrc(agreeing - FREE_ROWS - 1, rows - FREE_ROWS, chance)
-        return bool(tail > 0 and combinations + np.log(tail) > 0)
+        tail = max(bdtrc(self.images - FREE_ROWS - 1, images - FREE_ROWS, chance), np.finfo(float).tiny)
+        return bool(combinations + np.log(tail) / CLUTTER_FRAMES > 0)
 
 
 def line_at(line: Line | Unplaced, found: Calibration) -> Line:
