@@ -130,7 +130,7 @@ def _by_known(rows: UnplacedRows, threshold_mm: float, seed: int) -> Similarity 
 
 
 def _score(found: _core.FoundPlaces, threshold_mm: float) -> float:
-    return float(np.minimum(found.distances**2, threshold_mm**2).sum())
+    return float(np.sum(np.minimum(found.distances, threshold_mm) ** 2))
 
 
 def _mean_score(found: Found, how: dict[str, Any]) -> float:
