@@ -41,7 +41,7 @@ ROOMS: dict[str, set[str]] = {
         "targets",
         "registration",
     },
-    "calibration": {"setup_checks", "observations", "registration"},
+    "calibration": {"setup_checks", "observations", "registration", "targets"},
     "setup_checks": {"observations", "registration"},
     "detection": {"recording", "recording.formats", "_core"},
     "registration": {"_core"},

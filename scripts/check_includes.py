@@ -18,6 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "solvers": {"interrupt", "linalg", "solvers/lanes"},
     "correspondences": {"linalg", "robust", "solvers"},
     "estimate": {"interrupt", "linalg", "robust", "solvers", "correspondences"},
+    "places": {"interrupt", "linalg", "robust", "correspondences", "estimate"},
     "study": {"linalg", "robust", "solvers", "estimate"},
 }
 INCLUDE = re.compile(r'^#include "sonocal/(?P<room>[\w/]+)/\w+\.hpp"', re.MULTILINE)

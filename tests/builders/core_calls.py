@@ -185,6 +185,45 @@ def agreement(h: Hostile) -> Any:
     return h.core.agreement(table, h.transform(), residuals, h.number(h.pick([5.0, 0.0])))
 
 
+def sightings_of_places(h: Hostile) -> tuple[Any, ...]:
+    """Points, and poses of the probe against what they are of: a few targets, placed or not."""
+    random, rows, count = h.random, h.pick([1, 3, 8, 14, 30]), h.pick([1, 1, 2, 3])
+    dimension, free = h.pick([2, 3]), h.pick([0.0, 0.5, np.inf, np.inf])
+    points = random.uniform(0, 500, (rows, 3)) * [1, 1, dimension - 2]
+    turns = np.linalg.qr(random.normal(size=(rows, 3, 3)))[0]
+    turns *= np.linalg.det(turns)[:, None, None]
+    if h.spoils():
+        turns[:] = turns[0]
+    poses = np.concatenate([turns, random.normal(size=(rows, 3, 1)) * h.pick([50.0, 0.0, 1e6])], axis=2)
+    changes = h.pick([None, None, h.array(random.normal(size=(rows, 3, 4)))])
+    target, sigma = random.integers(0, count, rows), np.where(random.random(count) < 0.5, free, np.inf)
+    return (
+        *(h.array(points), h.array(poses), changes),
+        *(h.array(np.sort(random.integers(0, rows, rows)), np.int32), h.array(target, np.int32)),
+        *(h.array(random.integers(1, 4, count), np.int32), h.array(random.normal(size=(count, 3, 3)) * 100)),
+        *(h.array(sigma), h.array(np.minimum(sigma, h.pick([0.0, 0.1, np.inf])))),
+        *(h.array(random.integers(-1, 2, count), np.int32), h.count(dimension)),
+    )
+
+
+def find_places(h: Hostile) -> Any:
+    *arrays, dimension = sightings_of_places(h)
+    start = h.pick([None, None, np.vstack([h.random.normal(size=(3, 4)), [[0, 0, 0, 1]]])])
+    return h.core.find_places(
+        *arrays,
+        dimension=dimension,
+        start=None if start is None else h.array(start),
+        scales=h.count(1, 1, 2),
+        level_px=h.number(h.pick([1.0, 1e-6])),
+        level_mm=h.number(h.pick([0.3, 1e-6])),
+        rad_per_mm=h.number(h.pick([0.0116, 0.0])),
+        levels_known=h.pick([True, False]),
+        threshold_mm=h.number(h.pick([5.0, 1e6])),
+        max_samples=h.pick([0, -1, 2**40]) if h.spoils() else h.pick([1, 4]),
+        seed=h.count(0, 2**64 - 1),
+    )
+
+
 CALLS: dict[str, Callable[[Hostile], Any]] = {
     "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
     "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
@@ -210,13 +249,24 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "extent": extent,
     "residual_vectors": residual_vectors,
     "stretch_length": stretch_length,
+    "find_places": find_places,
     "BlobFilter": blobs,
     "study_trials": study_trials,
     "study_bounds": study_bounds,
     "kernel": lambda h: len(h.core.kernel()),
 }
 # What the calls above make or are given.
-REACHED = {"Table", "Options", "Transform", "Estimate", "NoiseSums", "Drift", "Extent", "Agreement"}
+REACHED = {
+    "Table",
+    "Options",
+    "Transform",
+    "Estimate",
+    "NoiseSums",
+    "Drift",
+    "Extent",
+    "Agreement",
+    "FoundPlaces",
+}
 
 
 def touch(result: Any) -> None:

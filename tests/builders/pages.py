@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import sonocal as sc
+from sonocal.detection import Detections
 from sonocal.geometry import Similarity
 from sonocal.recording import Poses, Recording
 from sonocal.recording.formats import write_recording
@@ -14,7 +15,11 @@ from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear
+from sonocal.sweep.placed import placed_rows
+from sonocal.sweep.tabulate import Posing
+from sonocal.targets import Unplaced
 from tests.builders.recordings import random_poses
+from tests.builders.tank import resting_in_room
 from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
 
 DEVICES = """<PlusConfiguration version="2.9">
@@ -31,6 +36,7 @@ def write_files(folder):
     write_swept(folder)
     write_tables(folder)
     write_tools(folder)
+    write_tank(folder)
     (folder / "devices.xml").write_text(DEVICES)
     (folder / "stylus.toml").write_text(STYLUS)
 
@@ -45,6 +51,21 @@ def write_swept(folder):
     numbers = " ".join(map(str, sweep.truth.probe_from_image.matrix.ravel().tolist()))
     matrix = f'<Transform From="Image" To="Probe" Matrix="{numbers}" />\n'
     (folder / "calibrated.xml").write_text(DEVICES.replace("  </Coord", f"    {matrix}  </Coord"))
+
+
+def write_tank(folder):
+    """A thread in the room that nobody placed, in a recording and in a table of points and poses."""
+    options = SweepOptions(
+        frames=90, rate_hz=8, sigma_px=0.5, sigma_mm=0.3, hidden_share=0.0, compact=0.3, seed=2
+    )
+    sweep = simulate_sweep(curvilinear(250, 250, 0.48), BATH, options)
+    recording = resting_in_room(sweep.recording)
+    write_recording(recording, folder / "tank.igs.mha")
+    (folder / "thread.toml").write_text('[[line]]\nname = "thread"\nframe = "Tracker"\nplace = "unknown"\n')
+    seen = np.flatnonzero(sweep.truth.visible)
+    points = Detections.of_points(seen, sweep.truth.shown_px[seen])
+    rows = placed_rows(recording, [Unplaced("line", "thread", "Tracker")], points, Posing())
+    sc.write_observations(rows, folder / "tank.csv")
 
 
 def write_tables(folder):

@@ -175,7 +175,16 @@ def test_reprs_say_what_is_in_them(shown):
 
 UNIT = re.compile(r"_(mm|px|s|ms|deg|hz|mm_per_px)$")
 # Numbers without a unit.
-BARE = {"confidence", "score", "correlation", "goal", "crossing", "outlier_share", "p_value"}
+BARE = {
+    "confidence",
+    "score",
+    "correlation",
+    "goal",
+    "crossing",
+    "outlier_share",
+    "p_value",
+    "said_deviations",
+}
 
 
 def test_numbers_have_their_units_in_the_names_of_their_fields():

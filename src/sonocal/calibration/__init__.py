@@ -3,7 +3,9 @@
 from sonocal.calibration.calibrate import calibrate
 from sonocal.calibration.evidence import evidence_of
 from sonocal.calibration.fit import FittedRows, fit_rows
+from sonocal.calibration.found_targets import FoundTarget
 from sonocal.calibration.options import Options
+from sonocal.calibration.placed import placed_by
 from sonocal.calibration.result import Calibration, calibration_json, load_calibration, parse_calibration
 from sonocal.calibration.rows import line_distances, point_line_rows
 from sonocal.calibration.sound import Sound, seen_at_assumed_speed
@@ -13,6 +15,7 @@ __all__ = [
     "Calibration",
     "ErrorStatistics",
     "FittedRows",
+    "FoundTarget",
     "Options",
     "Sound",
     "calibrate",
@@ -22,6 +25,7 @@ __all__ = [
     "line_distances",
     "load_calibration",
     "parse_calibration",
+    "placed_by",
     "point_line_rows",
     "seen_at_assumed_speed",
 ]

@@ -15,6 +15,7 @@ from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.lagged import LaggedTable, without_lag
 from sonocal.calibration.left_out import left_out_findings
 from sonocal.calibration.options import Keywords, Options, kept_options
+from sonocal.calibration.placed import calibrate_with_places, wants_places
 from sonocal.calibration.refusals import explained
 from sonocal.calibration.repeated import Repeated, fit_distinct
 from sonocal.calibration.result import Calibration
@@ -75,6 +76,11 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
             expected_rotation (None): (3, 3), roughly, the directions of u, v and normal in the marker's frame,
             as columns.
 
+            What was scanned:
+            targets (None): of rows that give the pose of their target's frame and not where the target is: what each
+            is, by its name, see `sonocal.targets.read_targets`. Places that are unknown (`Unplaced`) are found with the
+            calibration, see `Calibration.targets`; ones known roughly are refined.
+
             What is known of the sound, where the scanner assumes another speed than there was:
             probe_radius_mm (None): radius of a curved probe's face.
             sound_speed_m_s (None): in what was scanned; "estimate": found beside the calibration, from 1400 to 1650.
@@ -97,6 +103,8 @@ def calibrate(observations: Observations, **options: Unpack[Keywords]) -> Calibr
     asked = Options.of(**options)
     if asked.sound_speed_m_s is not None:
         return calibrate_through_sound(observations, asked, calibrate)
+    if wants_places(observations, asked):
+        return calibrate_with_places(observations, asked)
     given, held_out, asked, late = without_lag(observations, asked)
     # The transform that most rows agree with, refined on those that do.
     with explained(given, asked):

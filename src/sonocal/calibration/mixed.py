@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sonocal.calibration.options import Options
-from sonocal.calibration.rows import point_line_rows
+from sonocal.calibration.rows import point_line_rows, require_placed
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
@@ -21,6 +21,7 @@ def table_of(observations: Observations) -> PointLineRows | TargetRows:
     """A table as registration takes it: points and lines, or whatever targets."""
     if observations.lines_only:
         return point_line_rows(observations)
+    require_placed(observations)
     spanning = observations.spanning_mm
     assert spanning is not None
     return TargetRows(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self, TypedDict
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sonocal.calibration.sound_options import ASSUMED_M_S, OF_SOUND, checked_sound
-from sonocal.errors import InputError
+from sonocal.errors import InputError, require
 from sonocal.geometry import FURTHEST
 from sonocal.geometry.shown import brief
 from sonocal.registration.options import Model, Weighting, one_of, positive_number, true_or_false
 from sonocal.registration.options import Options as RegistrationOptions
+from sonocal.targets import Line, Plane, Point, Unplaced, check_lines
 
 __all__ = ["Keywords", "Options", "kept_options"]
 
@@ -44,6 +45,7 @@ class Keywords(TypedDict, total=False):
     sound_speed_m_s: float | Literal["estimate"] | None
     assumed_sound_speed_m_s: float
     probe_face_px: tuple[float, ...] | None
+    targets: Sequence[Line | Plane | Point | Unplaced] | None
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,7 @@ class Options(RegistrationOptions):
     sound_speed_m_s: float | Literal["estimate"] | None = None
     assumed_sound_speed_m_s: float = ASSUMED_M_S
     probe_face_px: tuple[float, ...] | None = None
+    targets: tuple[Line | Plane | Point | Unplaced, ...] | None = None
 
     __repr__ = brief
 
@@ -89,6 +92,8 @@ class Options(RegistrationOptions):
             self._keep("expected_rotation", _rotation(self.expected_rotation))
         if self.latency is not None:
             self._keep("latency", one_of("latency", self.latency, ("estimate",)))
+        if self.targets is not None:
+            self._keep("targets", _targets(self.targets))
         of_sound = [getattr(self, name) for name in OF_SOUND]
         for name, value in checked_sound(self.model, *of_sound).items():
             self._keep(name, value)
@@ -115,7 +120,8 @@ class Options(RegistrationOptions):
         return {
             name: _plain(value)
             for name, field in self.__dataclass_fields__.items()
-            if (value := getattr(self, name)) != field.default or name in RECORDED
+            if name in RECORDED or (name not in UNRECORDED and getattr(self, name) != field.default)
+            for value in [getattr(self, name)]
         }
 
 
@@ -132,6 +138,19 @@ RECORDED = (
     *("model", "weighting", "threshold_mm", "sigma_px", "sigma_mm", "fit_split", "test_split"),
     *("image_size_px", "tolerance_mm", "max_samples", "seed"),
 )
+
+
+# What a calibration says of them itself.
+UNRECORDED = ("targets",)
+
+
+def _targets(value: Any) -> tuple[Line | Plane | Point | Unplaced, ...]:
+    require("targets", value, Sequence, "points, lines and planes, or those whose place is unknown")
+    for one in value:
+        if not isinstance(one, (Line, Plane, Point, Unplaced)):
+            raise InputError(f"targets must be points, lines and planes, or Unplaced; got {one!r}"[:200])
+    check_lines("targets", value, "targets")
+    return tuple(value)
 
 
 def _text(name: str, value: Any) -> str | None:

@@ -6,6 +6,7 @@ from typing import Any, Literal, TypedDict
 
 import msgspec
 
+from sonocal.calibration.found_targets import FoundTarget
 from sonocal.calibration.sound import Sound
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
@@ -77,6 +78,7 @@ class Record(msgspec.Struct, kw_only=True):
     latency_s: float | None
     latency_interval_s: tuple[float, float] | None = None
     sound: Sound | None = None
+    targets: dict[str, FoundTarget] = {}
     certificate: Certificate = "not shown"
     models: list[ModelTest] = []
     diagnostics: list[Diagnostic]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal.calibration.found_targets import FoundTarget
 from sonocal.calibration.in_session import InSession
 from sonocal.calibration.options import Options
 from sonocal.calibration.record import CONVENTIONS, FORMAT, VERSION, Kept, Record, Sigma
@@ -64,6 +65,7 @@ class Calibration(InSession):
         latency_interval_s: the 95 % interval of that, where it was estimated with the calibration; or None.
         sound: its speed in what was scanned, where the options say more of it than that it is as the scanner assumes:
             `probe_from_image` is for images in which it is so.
+        targets: by name, where targets are whose place was found with the calibration, each in its own frame.
         options: those it was made with; of the threshold, the mm that "auto" came to.
         provenance: input, options as the file keeps them, and versions.
     """
@@ -83,6 +85,7 @@ class Calibration(InSession):
     sound: Sound | None = None
     image_size_px: tuple[int, ...] | None = None
     seen_px: Array | None = None
+    targets: Mapping[str, FoundTarget] = field(default_factory=dict)
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
     _certificate: LazyCertificate = field(default_factory=LazyCertificate.known, repr=False)
@@ -275,6 +278,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         latency_s=calibration.latency_s,
         latency_interval_s=calibration.latency_interval_s,
         sound=calibration.sound,
+        targets=dict(calibration.targets),
         certificate=calibration.certificate,
         models=list(calibration.models),
         diagnostics=list(calibration.diagnostics),
@@ -373,6 +377,7 @@ def _from_record(record: Record) -> Calibration:
         latency_s=record.latency_s,
         latency_interval_s=record.latency_interval_s,
         sound=record.sound,
+        targets=_targets(record.targets),
         options=options,
         provenance=record.provenance,
         _certificate=LazyCertificate.known(record.certificate),
@@ -389,6 +394,23 @@ def _check_errors(name: str, errors: ErrorStatistics | None) -> None:
     sizes = (errors.rms_mm, errors.median_mm, errors.p95_mm, errors.max_mm)
     if not all(0 <= size < FURTHEST for size in sizes):
         raise ValueError(f"{name} has an error that is not from 0 to {FURTHEST:g} mm")
+
+
+def _targets(targets: dict[str, FoundTarget]) -> dict[str, FoundTarget]:
+    for name, target in targets.items():
+        count = len(target.spanning_mm)
+        free = (4 - count) * count if count in (1, 2, 3) else 0
+        shapes = [np.shape(one) for one in (target.spanning_mm, target.axes, target.covariance)]
+        if (
+            shapes != [(count, 3), (3, 3), (free, free)]
+            or target.kind != ("point", "line", "plane")[count - 1]
+        ):
+            raise ValueError(
+                f"targets.{name} has numbers of shapes {shapes}, which are not those of a {target.kind}"
+            )
+        if not _is_covariance(np.array(target.covariance)):
+            raise ValueError(f"targets.{name} has a covariance that is none")
+    return targets
 
 
 def _corners(name: str, given: list[list[float]], dimensions: tuple[int, ...]) -> Array:

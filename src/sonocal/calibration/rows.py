@@ -9,6 +9,7 @@ from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.geometry import Array, AxisScaled, homogeneous_points
 from sonocal.observations import Observations, group_codes
 from sonocal.observations.image_size import size_in_words
+from sonocal.observations.poses import unplaced_rows
 from sonocal.registration.noise import residual_vectors
 from sonocal.registration.options import Model, Options
 from sonocal.registration.robust import MINIMAL_ROWS
@@ -23,6 +24,7 @@ __all__ = [
     "line_distances",
     "point_line_rows",
     "require_lines",
+    "require_placed",
     "split_rows",
 ]
 
@@ -71,11 +73,27 @@ def require_lines(observations: Observations) -> None:
         UnsupportedError: it has such a row.
     """
     if not observations.lines_only:
+        require_placed(observations)
         row = int(np.argmax(observations.spans != 2))
         what = "a point" if observations.spans[row] == 1 else "a plane"
         raise UnsupportedError(
             f"{observations.where(row)}: is of {what}; sonocal calibrate takes any mix, and this lines alone: leave "
             "such rows out"
+        )
+
+
+def require_placed(observations: Observations) -> None:
+    """Refuse rows whose target's place is not known.
+
+    Raises:
+        UnsupportedError: there is one.
+    """
+    asked = unplaced_rows(observations)
+    if asked.any():
+        row = int(np.argmax(asked))
+        raise UnsupportedError(
+            f"{observations.where(row)}: says nothing of where its target {str(observations.target[row])!r} is; "
+            "sonocal calibrate finds it with the calibration, this needs to know it: give its spanning points"
         )
 
 

@@ -14,6 +14,7 @@ from sonocal.cli.from_recording import (
     TABLE,
     Result,
     at_lag,
+    at_places,
     from_recording,
 )
 from sonocal.cli.help import DETECTING, READING, SET_UP, command
@@ -191,6 +192,8 @@ def calibrate(
     a table      one row a point, with frame, target, u_px, v_px[, w_px] and the end points of the line that was
                  seen there, x0_mm ... z1_mm, in the probe marker's frame. With w_px the probe is 3D, and two or
                  more rows of one frame and target give the needle's line
+                 or, with --targets, the twelve columns of the pose of the target's frame, probe_from_target_00 ...
+                 _23: where the target is in that frame is found, too
     a recording  with --lines: the needle is found in its images, and contact-sheet.png shows where; with --points,
                  too, the points are given
 
@@ -203,21 +206,20 @@ def calibrate(
 
     estimated = options["latency_s"] == ESTIMATE
     options["latency"] = ESTIMATE if estimated else None
-    _refuse_mixture(recording=lines is not None, given=options["points"] is not None, estimated=estimated)
+    recording = lines is not None and not _is_table(source)
+    _refuse_mixture(recording=recording, given=options["points"] is not None, estimated=estimated)
     if source.exists():  # else a reader says so
         _require_kinds(source, lines)
         moved = lines is not None or estimated
-        reserve_results(
-            output, _names(options["points"], moved=moved, recording=lines is not None, report=report)
-        )
+        reserve_results(output, _names(options["points"], moved=moved, recording=recording, report=report))
     recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
     expectation = _expected(expected, choice_of(options))
     options["expected_rotation"] = None if expectation is None else rotation_of(expectation)
     with refusing(as_json=as_json):
         result = (
-            _from_table(source, options, accept_units=accept_units)
-            if lines is None
-            else from_recording(source, lines, output, recorded, options)
+            from_recording(source, lines, output, recorded, options)
+            if recording and lines is not None
+            else _from_table(source, lines, options, accept_units=accept_units)
         )
     found = result.calibration if expectation is None else _against(result.calibration, expectation)
     refuse_units(source.name, found.diagnostics, accepted=accept_units)
@@ -269,11 +271,10 @@ def _require_kinds(source: Path, lines: Path | None) -> None:
     from sonocal.cli.formats import kind_of, require_kind
 
     if lines is not None:
-        if kind_of(source) == "observations":
-            raise InputError(
-                f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
-            )
-        require_kind(source, ("recording",))
+        if _is_table(source):
+            _require_asked(source)
+        else:
+            require_kind(source, ("recording",))
         if lines.exists():
             require_kind(lines, ("targets", "device set"))
         return
@@ -288,12 +289,34 @@ def _require_kinds(source: Path, lines: Path | None) -> None:
     require_kind(source, ("observations",))
 
 
-def _from_table(source: Path, options: dict[str, Any], *, accept_units: bool) -> Result:
+def _is_table(source: Path) -> bool:
+    from sonocal.cli.formats import kind_of
+
+    return source.exists() and not source.is_dir() and kind_of(source) == "observations"
+
+
+def _require_asked(source: Path) -> None:
+    """Refuse targets for a table that says where its own are."""
     import sonocal
+    from sonocal.observations.poses import unplaced_rows
+
+    if not unplaced_rows(sonocal.read_observations(source)).any():
+        raise InputError(
+            f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
+        )
+
+
+def _from_table(source: Path, targets: Path | None, options: dict[str, Any], *, accept_units: bool) -> Result:
+    import sonocal
+    from sonocal.cli.formats import targets_in
 
     rows = sonocal.read_observations(source)
+    if targets is not None:
+        options |= {"targets": targets_in(targets)[0]}
     try:
         found = sonocal.calibrate(rows, **options)
+        if found.targets:
+            return at_places(rows, found)
         return Result(rows, found, {}) if found.latency_s is None else at_lag(rows, found)
     except SonocalError:
         refuse_units(source.name, unit_doubts(rows=rows), accepted=accept_units)

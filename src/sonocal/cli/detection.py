@@ -30,6 +30,7 @@ from sonocal.cli.options import (
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say
+from sonocal.errors import InputError
 
 __all__ = ["COMMANDS"]
 
@@ -190,14 +191,20 @@ def detect(
     from sonocal.files import write_atomically
     from sonocal.files.png import png
     from sonocal.observations import write_observations
-    from sonocal.sweep import sweep_of
+    from sonocal.sweep import Sweep, TargetSweep, sweep_of
     from sonocal.sweep.contact_sheet import contact_sheet
+    from sonocal.targets import Unplaced
 
     if lines is None:
         raise click.UsageError("Missing option '--lines'.")
     files = [output, *([] if sheet is None else [sheet])]
     loaded = read_given(recording, options)
     known, fixed = targets_in(lines)
+    if placeless := [one.name for one in known if isinstance(one, Unplaced)]:
+        raise InputError(
+            f"{lines}: says no place of {placeless[0]!r}, and candidates are tabled against places; "
+            '"sonocal calibrate RECORDING --lines" finds it with the calibration'
+        )
     reserve(*files)
     posing = {"fixed": fixed} | {name: options[name] for name in ("probe", "on_invalid")}
     sweep = sweep_of(loaded, known, **posing, **looking(loaded, options))
@@ -206,6 +213,7 @@ def detect(
     reserve(*files)
     if sheet is not None:
         write_atomically(sheet, png(contact_sheet(loaded, found)))
+    assert isinstance(sweep, (Sweep, TargetSweep))
     table = sweep.candidates(found)
     write_observations(table, output)
     say(f"Wrote {len(table)} candidates to {output}" + (f" and {sheet}" if sheet else ""))

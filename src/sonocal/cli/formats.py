@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from sonocal.report.page_file import Page
     from sonocal.simulation.truth_file import KnownTruth
     from sonocal.studies.results_file import StudyResults
-    from sonocal.targets import Line, Target
+    from sonocal.targets import Line, Target, Unplaced
     from sonocal.validation import PointSightings
 
 __all__ = [
@@ -146,12 +146,19 @@ def lines_in(path: Path) -> tuple[tuple[Line, ...], Mapping[tuple[str, str], Arr
     return read_lines(path)
 
 
-def targets_in(path: Path) -> tuple[tuple[Target, ...], Mapping[tuple[str, str], Array]]:
-    """Points, lines and planes in a file that the command line was given. Raises as `lines_in`."""
-    from sonocal.targets import read_targets_and_fixed
+def targets_in(path: Path) -> tuple[tuple[Target | Unplaced, ...], Mapping[tuple[str, str], Array]]:
+    """Points, lines and planes in a file that the command line was given, placed or not. Raises as `lines_in`."""
+    from sonocal.targets import read_targets_and_fixed, read_unplaced
 
     require_kind(path, ("targets", "device set"), "name a file of targets (.toml), or a device set (.xml)")
-    return read_targets_and_fixed(path)
+    unplaced = read_unplaced(path)
+    try:
+        known, fixed = read_targets_and_fixed(path)
+    except InputError:
+        if not unplaced:
+            raise
+        return unplaced, {}
+    return (*known, *unplaced), fixed
 
 
 def table() -> str:
@@ -251,7 +258,7 @@ TABLES: tuple[Format, ...] = (
         name="table of sightings",
         kind="observations",
         suffixes=TABLE_SUFFIXES,
-        header="the column x0_mm",
+        header="the column x0_mm or probe_from_target_00",
         sniff=is_observations,
         read=_observations,
         holds="points of images against lines, with further columns",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sonocal.geometry import AxisScaled
     from sonocal.observations import Observations
     from sonocal.recording import Recording
-    from sonocal.targets import Target
+    from sonocal.targets import Target, Unplaced
 
 __all__ = [
     "OF_DETECTION",
@@ -31,6 +31,7 @@ __all__ = [
     "TABLE",
     "Result",
     "at_lag",
+    "at_places",
     "from_recording",
     "looking",
 ]
@@ -74,10 +75,12 @@ def from_recording(
     from sonocal.recording import with_latency
     from sonocal.sweep import Posing
     from sonocal.sweep.lagged import with_line_velocities
-    from sonocal.targets import Line
+    from sonocal.sweep.placed import line_at
+    from sonocal.targets import Line, Unplaced
 
     recording = read_given(source, recorded)
     known, fixed = targets_in(lines)
+    unplaced = [one for one in known if isinstance(one, Unplaced)]
     refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
     needles = [one for one in known if isinstance(one, Line)]
     refuse_units(lines.name, unit_doubts(lines=needles), accepted=recorded["accept_units"])
@@ -86,10 +89,12 @@ def from_recording(
         result = _from_points(recording, known, recorded["points"], how)
     else:
         how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
-        result = _from_images(recording, known, output, how | looking(recording, recorded), start)
+        sought: Sequence[Target | Unplaced] = [*needles, *unplaced] if unplaced else known
+        result = _from_images(recording, sought, output, how | looking(recording, recorded), start)
     if recording.latency_s != (result.calibration.latency_s or 0.0):  # estimated
         recording = with_latency(recording, result.calibration.latency_s or 0.0)
     posing = Posing(recorded["probe"], fixed, recorded["on_invalid"])
+    needles += [line_at(one, result.calibration) for one in unplaced if one.kind == "line"]
     rows = (
         with_line_velocities(result.rows, recording, needles, posing)
         if result.rows.lines_only
@@ -103,10 +108,22 @@ def from_recording(
 def at_lag(rows: Observations, found: Calibration) -> Result:
     """A calibration of a table under a lag, with the table whose lines are where that leads."""
     from sonocal.calibration.lagged import rows_at_lag
-    from sonocal.observations.table_file import as_file
 
     assert found.latency_s is not None
-    table, moved = as_file(rows_at_lag(rows, found.latency_s), TABLE)
+    return _moved(rows, found, rows_at_lag(rows, found.latency_s))
+
+
+def at_places(rows: Observations, found: Calibration) -> Result:
+    """A calibration of a table that found its targets' places, with the table whose targets are there."""
+    from sonocal.calibration import placed_by
+
+    return _moved(rows, found, placed_by(found, rows))
+
+
+def _moved(rows: Observations, found: Calibration, there: Observations) -> Result:
+    from sonocal.observations.table_file import as_file
+
+    table, moved = as_file(there, TABLE)
     recorded = {"recorded": {"table": {"input": rows.source, "sha256": rows.sha256}}}
     provenance = found.provenance | {"input": moved.source, "sha256": moved.sha256} | recorded
     return Result(moved, replace(found, provenance=provenance), {TABLE: table})
@@ -125,7 +142,9 @@ def looking(recording: Recording, options: Mapping[str, Any]) -> dict[str, Any]:
     return asked | ({"mask": read_mask(asked["mask"], recording.frames.shape[:2])} if "mask" in asked else {})
 
 
-def _from_points(recording: Recording, lines: Sequence[Target], points: Path, how: dict[str, Any]) -> Result:
+def _from_points(
+    recording: Recording, lines: Sequence[Target | Unplaced], points: Path, how: dict[str, Any]
+) -> Result:
     """Calibrate on the points of a table."""
     from sonocal.detection import read_detections
     from sonocal.sweep import calibrate_points
@@ -136,15 +155,15 @@ def _from_points(recording: Recording, lines: Sequence[Target], points: Path, ho
 
 def _from_images(
     recording: Recording,
-    targets: Sequence[Target],
+    targets: Sequence[Target | Unplaced],
     output: Path | None,
     how: dict[str, Any],
     start: AxisScaled | None,
 ) -> Result:
     """Find what is scanned in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
     from sonocal.files.png import png
-    from sonocal.sweep import sweep_of
     from sonocal.sweep.contact_sheet import contact_sheet
+    from sonocal.sweep.recordings import sweep_of
 
     sweep = sweep_of(recording, targets, **how)
     with progress("detecting") as report:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from sonocal.report.page_file import Page
     from sonocal.simulation.truth_file import KnownTruth
     from sonocal.studies.results_file import StudyResults
-    from sonocal.targets import DeviceSet, Targets
+    from sonocal.targets import DeviceSet, Targets, Unplaced
     from sonocal.validation import PointSightings
 
 __all__ = ["info"]
@@ -135,7 +135,12 @@ def _known_points(_: str, found: PointSightings) -> Shown:
 
 
 def _targets(name: str, found: Targets) -> Shown:
-    from sonocal.cli.screen.recording import print_lines, print_planes, print_tips
+    from sonocal.cli.screen.recording import (
+        print_lines,
+        print_planes,
+        print_tips,
+        print_unplaced,
+    )
 
     def show() -> None:
         if found.lines:
@@ -144,10 +149,30 @@ def _targets(name: str, found: Targets) -> Shown:
             print_tips(console(), f"{name}: points", found.points)
         if found.planes:
             print_planes(console(), f"{name}: planes", found.planes)
+        if found.unplaced:
+            print_unplaced(console(), f"{name}: to be found with the calibration", found.unplaced)
 
     doubts = unit_doubts(lines=found.lines)
-    record = {"lines": found.lines, "points": found.points, "planes": found.planes, "diagnostics": doubts}
+    record = {
+        "lines": found.lines,
+        "points": found.points,
+        "planes": found.planes,
+        "unplaced": list(map(_unplaced, found.unplaced)),
+        "diagnostics": doubts,
+    }
     return record, _doubted(doubts, show)
+
+
+def _unplaced(target: Unplaced) -> dict[str, Any]:
+    """Of one whose place is unknown there is no number to tell: JSON knows no infinity."""
+    told: dict[str, Any] = {"kind": target.kind, "name": target.name, "frame": target.frame}
+    if target.spanning_mm is None:
+        return told | {"place": "unknown"}
+    return told | {
+        "spanning_mm": target.spanning_mm,
+        "sigma_mm": target.sigma_mm,
+        "sigma_deg": target.sigma_deg,
+    }
 
 
 def _device_set(_: str, found: DeviceSet) -> Shown:

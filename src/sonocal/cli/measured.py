@@ -124,7 +124,7 @@ def _table(source: Path, *, crosswire: bool, nwires: NWires) -> Measured:
     require_kind(source, ("observations", "known points"), advice)
     content = read_bytes(source)
     header = Head(Path(source.name), content).columns
-    if crosswire or ("x0_mm" not in header and "u_px" in header):
+    if crosswire or (not {"x0_mm", "probe_from_target_00"} & set(header) and "u_px" in header):
         return Measured(points=parse_point_sightings(content, source.name))
     return Measured(parse_observations(content, source.name), nwires=nwires)
 

@@ -113,7 +113,8 @@ LINES = click.option(
     "--targets",
     "lines",
     type=FILE,
-    help="The needle or wires, cross-wires, walls: needle.toml or a PLUS device set (XML).",
+    help="The needle or wires, cross-wires, walls: needle.toml or a PLUS device set (XML). Of a table: what its rows "
+    "are of, where they give poses alone.",
 )
 POSES = click.option(
     "--poses",

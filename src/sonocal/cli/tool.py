@@ -138,6 +138,9 @@ def tool(
     RECORDING --second OTHER --stylus  two touches with a calibrated stylus
 
     A needle is written as a [[line]], which "sonocal calibrate --lines" reads; a tip alone as a [[point]].
+
+    With a sweep of the needle at hand none of this is needed: a [[line]] with place = "unknown" is found with the
+    calibration of the probe.
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.screen.recording import print_tool
     from sonocal.files import write_atomically

@@ -47,7 +47,7 @@ USES: dict[Kind, str] = {
     "truth": "give it to sonocal info; its recording and needle lie beside it",
 }
 # Ends of a line that was seen: with a unit as they should have, or with another or none.
-END = re.compile(r"[xyz][01](_\w*)?")
+END = re.compile(r"[xyz][01](_\w*)?|probe_from_target_\d\d")
 
 
 def is_observations(head: Head) -> bool:

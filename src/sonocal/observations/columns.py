@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.observations.image_size import SIZE_COLUMNS
+from sonocal.observations.poses import POSE_COLUMNS, carried_columns, poses_in
 from sonocal.observations.spanning import SPANNING_COLUMNS, of_spanning
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def columns_of(table: Any) -> dict[str, NDArray[Any]]:
     columns |= dict(zip(POINT_COLUMNS, table.points_px.T, strict=False))
     if table.spanning_mm is None:
         columns |= dict(zip(SEGMENT_COLUMNS, table.segments_mm.reshape(-1, 6).T, strict=True))
-    else:  # NaN where a row has fewer points
+    elif np.isfinite(table.spanning_mm).any():  # NaN where a row has fewer points
         columns |= dict(zip(SPANNING_COLUMNS, table.spanning_mm.reshape(-1, 9).T, strict=True))
     if np.any(table.split != ""):
         columns["split"] = table.split
@@ -66,18 +67,20 @@ def arrays_of(frame: Any) -> dict[str, Any]:
     if not hasattr(frame, "columns") or not hasattr(frame, "__getitem__"):
         raise InputError(f"frame must be a data frame, with a row a point; got {frame!r}"[:200])
     columns = {str(name): _column(str(name), frame[name]) for name in frame.columns}
-    if missing := [name for name in (*POINT_COLUMNS[:2], *SEGMENT_COLUMNS) if name not in columns]:
+    posed = any(name in columns for name in POSE_COLUMNS)
+    needed = POINT_COLUMNS[:2] if posed else (*POINT_COLUMNS[:2], *SEGMENT_COLUMNS)
+    if missing := [name for name in needed if name not in columns]:
         have = ", ".join(columns) or "none"
         raise InputError(f"{NAME}: lacks the columns {', '.join(missing)}; it has {have[:200]}")
     points = [_numbers(name, columns.pop(name)) for name in POINT_COLUMNS if name in columns]
     spanning = {
-        name: _numbers(name, columns.pop(name), blank=name not in SPANNING_COLUMNS[:3])
+        name: _numbers(name, columns.pop(name), blank=posed or name not in SPANNING_COLUMNS[:3])
         for name in SPANNING_COLUMNS
         if name in columns
     }
     made: dict[str, Any] = {
         "points_px": np.column_stack(points),
-        **of_spanning(spanning),
+        **({} if posed else of_spanning(spanning)),
         "image_size_px": _size([columns.pop(name) for name in SIZE_COLUMNS if name in columns]),
     }
     kinds: dict[str, Callable[[str, NDArray[Any]], NDArray[Any]]] = {
@@ -86,7 +89,13 @@ def arrays_of(frame: Any) -> dict[str, Any]:
         **dict.fromkeys(SIGMAS, _numbers),
     }
     made |= {name: of(name, columns.pop(name)) for name, of in kinds.items() if name in columns}
-    return made | {"extra": {name: _text(name, column) for name, column in columns.items()}}
+    extra = {name: _text(name, column) for name, column in columns.items()}
+    count = len(made["points_px"])
+    poses = poses_in(NAME, extra, lambda row: f"{NAME}, row {row}", count)
+    if poses is not None:
+        spanning, extra = carried_columns(spanning, poses, extra)
+        made |= of_spanning(spanning)
+    return made | {"extra": extra}
 
 
 def _column(name: str, series: Any) -> NDArray[Any]:

@@ -24,13 +24,13 @@ SPANNING_COLUMNS = tuple(f"{axis}{point}_mm" for point in range(3) for axis in "
 
 
 def spans_of(spanning_mm: Array) -> NDArray[np.int32]:
-    """(N,): how many points of (N, 3, 3) span each target; the others are NaN throughout.
+    """(N,): how many points of (N, 3, 3) span each target; the others are NaN throughout. 0: its place is not known.
 
     Returns -1 where a point is given in part, or follows one that is not given.
     """
     there = np.isfinite(spanning_mm)
     whole, some = np.all(there, axis=2), np.any(there, axis=2)
-    in_order = whole[:, 0] & (whole[:, 1] | ~whole[:, 2])
+    in_order = (whole[:, 0] | ~whole.any(axis=1)) & (whole[:, 1] | ~whole[:, 2])
     sound = np.all(whole == some, axis=1) & in_order
     return np.where(sound, whole.sum(axis=1), -1).astype(np.int32)
 
@@ -59,11 +59,14 @@ def of_spanning(columns: Mapping[str, Array]) -> dict[str, Array]:
     return {"segments_mm": segments_of(spanning), "spanning_mm": spanning}
 
 
-def wrong_span(spanning_mm: Array) -> tuple[int, str] | None:
-    """The first row whose points span nothing, and why; None where all do."""
+def wrong_span(spanning_mm: Array, posed: NDArray[np.bool_] | None = None) -> tuple[int, str] | None:
+    """The first row whose points span nothing, and why; None where all do, but for those that have a pose instead."""
     spans = spans_of(spanning_mm)
-    if (spans < 0).any():
-        return int(np.argmax(spans < 0)), (
+    partial = (spans < 0) | ((spans == 0) & ~(False if posed is None else posed))
+    if partial.any() and posed is not None and spans[np.argmax(partial)] == 0:
+        return int(np.argmax(partial)), "has neither points that span its target nor a pose; give one of them"
+    if partial.any():
+        return int(np.argmax(partial)), (
             "gives a point in part, or a later one without the one before it; fill in x, y and z of one point, of two "
             "for a line, of three for a plane"
         )

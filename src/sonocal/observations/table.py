@@ -20,6 +20,7 @@ from sonocal.geometry import FURTHEST, Array, frozen, real_array
 from sonocal.geometry.cards import card, dots_svg
 from sonocal.observations.columns import SEGMENT_COLUMNS, arrays_of, dataframe_of
 from sonocal.observations.image_size import checked_size
+from sonocal.observations.poses import poses_of, unplaced_rows
 from sonocal.observations.spanning import segments_of, spans_of, wrong_span
 
 if TYPE_CHECKING:
@@ -74,6 +75,8 @@ class Observations:
     Raises:
         InputError: a shape does not fit, a value is not finite, a segment has no length, or a row
             stands twice.
+
+    Rows with no spanning point have a pose instead (`with_poses`): the place of their target is asked for.
     """
 
     points_px: Array
@@ -167,7 +170,7 @@ class Observations:
 
     @cached_property
     def spans(self) -> NDArray[np.int32]:
-        """(N,): how many points span each row's target: 1 a point, 2 a line, 3 a plane."""
+        """(N,): how many points span each row's target: 1 a point, 2 a line, 3 a plane; 0: its place is not known."""
         return (
             np.full(len(self), 2, dtype=np.int32) if self.spanning_mm is None else spans_of(self.spanning_mm)
         )
@@ -311,7 +314,8 @@ class Observations:
 
     def _check_values(self) -> None:
         columns = dict(zip(("u_px", "v_px", "w_px"), self.points_px.T, strict=False))
-        columns |= dict(zip(SEGMENT_COLUMNS, self.segments_mm.reshape(-1, 6).T, strict=True))
+        segments = np.where(unplaced_rows(self)[:, None, None], 0.0, self.segments_mm)
+        columns |= dict(zip(SEGMENT_COLUMNS, segments.reshape(-1, 6).T, strict=True))
         for name, values in columns.items():
             if (row := _first(~(np.abs(values) < FURTHEST))) is not None:
                 what = (
@@ -357,13 +361,18 @@ class Observations:
         third = spanning_mm[:, 2]
         if (row := _first(np.any(np.abs(third) >= FURTHEST, axis=1))) is not None:
             raise InputError(f"{self.where(row)}: its third point is further than {FURTHEST:g} away")
-        if (wrong := wrong_span(spanning_mm)) is not None:
+        poses = poses_of(self)
+        posed = None if poses is None else np.isfinite(poses[:, 0, 0])
+        if (wrong := wrong_span(spanning_mm, posed)) is not None:
             raise InputError(f"{self.where(wrong[0])}: {wrong[1]}")
 
     def _duplicate(self) -> tuple[int, int] | None:
         numbers = np.column_stack([self.points_px, self.segments_mm.reshape(-1, 6), self.sightings])
         if self.spanning_mm is not None:
             numbers = np.column_stack([numbers, np.nan_to_num(self.spanning_mm[:, 2], nan=-1.0)])
+            poses = poses_of(self)
+            numbers = numbers if poses is None else np.column_stack([numbers, poses.reshape(-1, 12)])
+            numbers = np.nan_to_num(numbers, nan=-1.0)
         numbers = np.ascontiguousarray(numbers + 0.0)  # -0.0 and 0.0 are the same place
         packed = numbers.view(np.dtype((np.void, numbers.dtype.itemsize * numbers.shape[1]))).reshape(-1)
         unique, first, inverse = np.unique(packed, return_index=True, return_inverse=True)

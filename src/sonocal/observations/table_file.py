@@ -23,6 +23,7 @@ from sonocal.files.tables import (
 from sonocal.geometry import Array
 from sonocal.observations.columns import SEGMENT_COLUMNS, columns_of
 from sonocal.observations.image_size import SIZE_COLUMNS, size_line, size_of
+from sonocal.observations.poses import POSE_COLUMNS, carried_columns, poses_in
 from sonocal.observations.spanning import SPANNING_COLUMNS, of_spanning
 from sonocal.observations.table import _DEFAULT, Observations
 
@@ -79,22 +80,19 @@ def parse_observations(data: bytes, name: str) -> Observations:
     table.need_rows("write one row a sighting")
     numbers = {
         column: table.numbers(column)
-        for column in ("u_px", "v_px", *SPANNING_COLUMNS[:3], "w_px", "sigma_px", "sigma_mm")
+        for column in ("u_px", "v_px", "w_px", "sigma_px", "sigma_mm")
         if column in table.columns
     }
+    spanning, extra = _spanning_and_extra(table)
     return Observations(
         points_px=np.column_stack([numbers[n] for n in ("u_px", "v_px", "w_px") if n in numbers]),
-        **of_spanning({n: numbers[n] for n in SPANNING_COLUMNS[:3]} | _further_points(table)),
+        **of_spanning(spanning),
         frame=_frames(name, table.columns["frame"], table.lines),
         target=table.text("target"),
         split=table.text("split") if "split" in table.columns else _DEFAULT,
         sigma_px=numbers.get("sigma_px"),
         sigma_mm=numbers.get("sigma_mm"),
-        extra={
-            column: table.text(column, stripped=False)
-            for column in table.columns
-            if column not in KNOWN_COLUMNS
-        },
+        extra=extra,
         image_size_px=size_of(name, comments, table.columns, table.lines, 2 + ("w_px" in numbers)),
         source=name,
         lines=np.array(table.lines, dtype=np.int64),
@@ -122,10 +120,24 @@ def observations_csv(observations: Observations) -> bytes:
     return (size_line(observations.image_size_px) + "\n".join(lines) + "\n").encode()
 
 
-def _further_points(table: Table) -> dict[str, Array]:
-    """The second and third points' columns, NaN where a row has none: all three cells of it are blank there."""
+def _spanning_and_extra(table: Table) -> tuple[dict[str, Array], dict[str, NDArray[np.str_]]]:
+    """The spanning points' columns, in the probe marker's frame, and further ones, as text.
+
+    Of a row that has a pose, too, the points are in its target's frame: they are carried, and the pose is left out.
+    """
+    others = [column for column in table.columns if column not in KNOWN_COLUMNS]
+    extra = {column: table.text(column, stripped=False) for column in others}
+    poses = poses_in(table.name, extra, lambda row: f"{table.name}, line {table.lines[row]}", len(table))
+    if poses is None:
+        return {name: table.numbers(name) for name in SPANNING_COLUMNS[:3]} | _points(table, 1), extra
+    columns = _points(table, 0) or {SPANNING_COLUMNS[0]: np.full(len(table), np.nan)}
+    return carried_columns(columns, poses, extra)
+
+
+def _points(table: Table, first: int) -> dict[str, Array]:
+    """The columns of points from the `first` on, NaN where a row has none: all three cells of it are blank there."""
     found: dict[str, Array] = {}
-    for names in (SPANNING_COLUMNS[3:6], SPANNING_COLUMNS[6:]):
+    for names in (SPANNING_COLUMNS[i : i + 3] for i in range(3 * first, 9, 3)):
         there = [name for name in names if name in table.columns]
         columns = {name: table.numbers(name, blank=np.nan) for name in there}
         blank = np.isnan([*columns.values()])
@@ -161,7 +173,10 @@ def as_file(observations: Observations, name: str) -> tuple[bytes, Observations]
 
 
 def _check_header(name: str, header: Sequence[str], line: int) -> None:
-    missing = [column for column in REQUIRED_COLUMNS if column not in header]
+    posed = any(name in header for name in POSE_COLUMNS)  # points in a frame of their own, or none at all
+    missing = [
+        one for one in REQUIRED_COLUMNS if one not in header and not (posed and one in SEGMENT_COLUMNS)
+    ]
     if len(missing) == len(REQUIRED_COLUMNS):
         raise FormatError(
             f"{name}, line {line}: is not the header of an observation table; it needs the columns "

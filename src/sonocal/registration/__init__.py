@@ -25,12 +25,16 @@ from sonocal.registration.constraints import (
 )
 from sonocal.registration.model_test import ModelTest
 from sonocal.registration.register import Registration, register
+from sonocal.registration.unplaced import Place, Placed, UnplacedTarget, register_unplaced
 
 __all__ = [
     "FreeMotion",
     "ModelTest",
+    "Place",
+    "Placed",
     "Registration",
     "Rows",
+    "UnplacedTarget",
     "line_line",
     "line_plane",
     "plane_plane",
@@ -40,6 +44,7 @@ __all__ = [
     "point_point",
     "rank",
     "register",
+    "register_unplaced",
     "rows",
     "solvers",
 ]

@@ -9,6 +9,7 @@ import numpy as np
 
 from sonocal.calibration import Calibration, seen_at_assumed_speed
 from sonocal.calibration.diagnostics import describe_motion
+from sonocal.calibration.found_targets import target_in_words
 from sonocal.calibration.lagged import lag_in_words
 from sonocal.calibration.models import model_in_words, scale_in_words
 from sonocal.errors import UnsupportedError, require
@@ -162,7 +163,9 @@ def _matrix_in_words(calibration: Calibration) -> list[str]:
             f"{name} ({meaning}) runs along the marker's {sign}{'xyz'[strongest]}, {angle:.0f}° off it."
         )
     words.append(f"Inside the matrix is the scale: {scale_in_words(calibration)}.")
-    return [*words, *map(model_in_words, calibration.models), *filter(None, [lag_in_words(calibration)])]
+    targets = [f"{target_in_words(name, target)}." for name, target in calibration.targets.items()]
+    words += [*map(model_in_words, calibration.models), *filter(None, [lag_in_words(calibration)])]
+    return words + targets
 
 
 def _weak_in_words(calibration: Calibration) -> str:

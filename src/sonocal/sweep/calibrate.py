@@ -20,7 +20,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from sonocal.calibration import Calibration, calibrate, seen_at_assumed_speed
+from sonocal.calibration import Calibration, calibrate, placed_by, seen_at_assumed_speed
 from sonocal.calibration.lagged import lag_of_rows, with_lag
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
@@ -48,12 +48,13 @@ from sonocal.sweep.options import (
     of_calibrate,
     telling_threshold_mm,
 )
+from sonocal.sweep.placed import placed_rows
 from sonocal.sweep.pose_errors import with_pose_errors
 from sonocal.sweep.recorded import as_recorded
 from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
-from sonocal.targets import Line, Plane, Point, Target, require_lines
+from sonocal.targets import Line, Plane, Point, Target, Unplaced, require_lines
 
 __all__ = ["Sweep", "calibrate_points", "no_candidates"]
 
@@ -187,13 +188,17 @@ def no_candidates(name: str, images: int) -> NoConsensusError:
 
 
 def calibrate_points(
-    recording: Recording, lines: Sequence[Target], detections: Detections, **options: Unpack[PointsKeywords]
+    recording: Recording,
+    lines: Sequence[Target | Unplaced],
+    detections: Detections,
+    **options: Unpack[PointsKeywords],
 ) -> tuple[Calibration, Observations]:
     """Calibrate a probe from a recording and points that were found in its images by other means.
 
     Args:
         recording: poses, with any latency undone, and images that need not be decoded.
-        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`.
+        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`; of these some
+            may be `Unplaced`: where they are is found with the calibration.
         detections: the points, see `read_detections`.
         **options: any of those of `sonocal.calibrate`, and `probe`, `fixed` and `on_invalid` of `calibrate_recording`.
 
@@ -208,9 +213,14 @@ def calibrate_points(
     require("recording", recording, Recording)
     require("detections", detections, Detections)
     asked = PointsOptions.for_recording(recording, **options)
-    if not _lines_alone(lines, detections):
-        return calibrate_targets(recording, lines, detections, asked)
-    known: list[Any] = [line for line in lines if not isinstance(line, (Plane, Point))]
+    if isinstance(lines, (tuple, list)) and any(isinstance(one, Unplaced) for one in lines):
+        rows = placed_rows(recording, lines, detections, asked.posing)
+        found = calibrate(rows, **of_calibrate(asked, targets=tuple(lines)))
+        return found, placed_by(found, rows)
+    every: Any = lines
+    if not _lines_alone(every, detections):
+        return calibrate_targets(recording, every, detections, asked)
+    known: list[Any] = [line for line in every if not isinstance(line, (Plane, Point))]
     require_lines(known)
     if len(known) > 1 and (detections.target == "").any():
         raise InputError(

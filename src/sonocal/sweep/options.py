@@ -135,7 +135,7 @@ class Options(PointsOptions):
         return cls.for_recording(recording, **keywords)
 
     @classmethod
-    def for_targets(cls, recording: Recording, targets: Sequence[Target], **keywords: Any) -> Self:
+    def for_targets(cls, recording: Recording, targets: Sequence[Target], /, **keywords: Any) -> Self:
         """As `for_lines`, of any targets, refusing what is for lines alone.
 
         Raises:

@@ -1,4 +1,4 @@
-"""From a recording of whatever targets to a calibration: of a needle or wires, or of walls and cross-wires."""
+"""From a recording of whatever targets to a calibration: a needle, wires, walls, cross-wires, a line nobody placed."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from sonocal.sweep.calibrate import Sweep
 from sonocal.sweep.choice import CandidateCalibration
 from sonocal.sweep.options import Keywords
 from sonocal.sweep.targets import TargetSweep, looked_for
-from sonocal.targets import Line, Plane, Point, Target
+from sonocal.sweep.unplaced_sweep import UnplacedSweep
+from sonocal.targets import Line, Plane, Point, Target, Unplaced
 
 __all__ = ["calibrate_recording", "sweep_of"]
 
 
 def calibrate_recording(
     recording: Recording,
-    lines: Sequence[Target],
+    lines: Sequence[Target | Unplaced],
     *,
     detections: Detections | Sequence[Detections] | None = None,
     progress: Progress | None = None,
@@ -30,7 +31,9 @@ def calibrate_recording(
 
     Args:
         recording: images, and poses with any latency undone, see `with_latency`.
-        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`.
+        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`; or a line whose
+            place in its frame is unknown, see `Unplaced`: a thread in a tank, a needle that was never pivoted. It is
+            found with the calibration (`Calibration.targets`).
         detections: what `detect` found, where that was done before; of points and planes what `TargetSweep.detect` did.
         progress: called with how many images are done and how many there are.
         **options: any of those of `sonocal.calibrate`, and of the following, by name.
@@ -76,14 +79,16 @@ def calibrate_recording(
 
 
 def sweep_of(
-    recording: Recording, targets: Sequence[Target], **options: Unpack[Keywords]
-) -> Sweep | TargetSweep:
-    """A needle or wires in a recording, or, where there are others among them, targets of any kind.
+    recording: Recording, targets: Sequence[Target | Unplaced], /, **options: Unpack[Keywords]
+) -> Sweep | TargetSweep | UnplacedSweep:
+    """A needle or wires in a recording; or targets of any kind; or a line whose place is asked for.
 
     Raises:
         InputError, UnsupportedError: as `calibrate_recording`.
     """
     lists = isinstance(targets, Sequence) and not isinstance(targets, str)
+    if lists and any(isinstance(one, Unplaced) for one in targets):
+        return UnplacedSweep.of(recording, targets, **options)  # type: ignore[arg-type]  # it refuses what is no line
     known = [one for one in targets if isinstance(one, (Line, Plane, Point))] if lists else []
     if known and len(known) == len(targets):
         wanted = looked_for(known)

@@ -77,7 +77,9 @@ class TargetSweep:
     __repr__ = brief
 
     @classmethod
-    def of(cls, recording: Recording, targets: Sequence[Target], **options: Unpack[Keywords]) -> TargetSweep:
+    def of(
+        cls, recording: Recording, targets: Sequence[Target], /, **options: Unpack[Keywords]
+    ) -> TargetSweep:
         """As `calibrate_recording`.
 
         Raises:

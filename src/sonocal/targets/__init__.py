@@ -4,9 +4,10 @@ A new format of targets is a file here that ends with its `FORMAT`, and a line i
 """
 
 from sonocal.targets.device_set import DeviceSet, Stated, read_device_set
-from sonocal.targets.formats import read_lines, read_targets_and_fixed
+from sonocal.targets.formats import read_lines, read_targets_and_fixed, read_unplaced
 from sonocal.targets.lines import Line, Plane, Point, Target, check_lines, require_lines
 from sonocal.targets.toml_file import Targets, lines_toml, read_points_toml, read_targets, write_lines
+from sonocal.targets.unplaced import Unplaced
 
 __all__ = [
     "DeviceSet",
@@ -16,6 +17,7 @@ __all__ = [
     "Stated",
     "Target",
     "Targets",
+    "Unplaced",
     "check_lines",
     "lines_toml",
     "read_device_set",
@@ -23,6 +25,7 @@ __all__ = [
     "read_points_toml",
     "read_targets",
     "read_targets_and_fixed",
+    "read_unplaced",
     "require_lines",
     "write_lines",
 ]

@@ -12,8 +12,9 @@ from sonocal.files.kinds import Format, Head, recognise
 from sonocal.geometry import Array
 from sonocal.targets import device_set, toml_file
 from sonocal.targets.lines import Line, Target, check_lines
+from sonocal.targets.unplaced import Unplaced
 
-__all__ = ["FORMATS", "read_lines", "read_targets_and_fixed"]
+__all__ = ["FORMATS", "read_lines", "read_targets_and_fixed", "read_unplaced"]
 
 FORMATS: tuple[Format, ...] = (toml_file.FORMAT, device_set.FORMAT)
 
@@ -54,6 +55,25 @@ def read_targets_and_fixed(
     if recognise(Head.of(path), FORMATS) is device_set.FORMAT:
         return read_lines(path)
     found = toml_file.read_targets(path)
+    if found.unplaced and not (found.lines or found.points or found.planes):
+        raise InputError(
+            f"{path.name}: has no target whose place is known, and this needs one; say where one of them is"
+        )
     targets: tuple[Target, ...] = (*found.lines, *found.points, *found.planes)
     check_lines(path.name, targets, "targets")
     return targets, {}
+
+
+def read_unplaced(path: str | Path) -> tuple[Unplaced, ...]:
+    """Targets whose place is unknown, or known roughly, from a ``.toml``; none, where the file has none of them.
+
+    Raises:
+        InputError: the file cannot be read, or two targets have one name.
+    """
+    path = path_of(path)
+    refuse_other_kind(path, "targets", "device set")
+    if recognise(Head.of(path), FORMATS) is device_set.FORMAT:
+        return ()
+    found = toml_file.read_targets(path)
+    check_lines(path.name, (*found.lines, *found.points, *found.planes, *found.unplaced), "targets")
+    return found.unplaced

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
+from typing import Any
 
 import numpy as np
 
@@ -126,7 +127,7 @@ def require_lines(lines: object) -> None:
         require("lines", line, Line)
 
 
-def check_lines(name: str, lines: Sequence[Target], what: str = "lines") -> None:
+def check_lines(name: str, lines: Sequence[Any], what: str = "lines") -> None:
     """Refuse two lines, or other targets, of one name, which no detection could tell apart."""
     seen: set[str] = set()
     for line in lines:

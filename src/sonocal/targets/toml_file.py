@@ -15,6 +15,11 @@ at_mm = [0.0, 0.0, -150.0]
 name = "floor"
 frame = "Tracker"           # fixed in the room
 through_mm = [[0.0, 0.0, 0.0], [200.0, 0.0, 0.0], [0.0, 200.0, 0.0]]    # or point_mm = [...] and normal = [...]
+
+[[line]]
+name = "thread"
+frame = "Tracker"
+place = "unknown"           # of any target: found with the calibration; or where it roughly is, and sigma_mm
 """
 
 from __future__ import annotations
@@ -22,9 +27,10 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +43,9 @@ from sonocal.files.toml import read_toml_text
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 from sonocal.targets.lines import Line, Plane, Point, Target, check_lines, require_lines
+from sonocal.targets.toml_keys import check_keys
+from sonocal.targets.unplaced import KINDS, Unplaced, target_of
+from sonocal.targets.unplaced_tables import is_unplaced, unplaced_keys, unplaced_of
 
 __all__ = [
     "FORMAT",
@@ -64,11 +73,13 @@ class Targets:
         lines: needles and wires.
         points: of tools, and others.
         planes: walls and floors.
+        unplaced: those of any kind whose place is unknown, or known roughly.
     """
 
     lines: tuple[Line, ...]
     points: tuple[Point, ...] = ()
     planes: tuple[Plane, ...] = ()
+    unplaced: tuple[Unplaced, ...] = ()
 
     __repr__ = brief
 
@@ -83,8 +94,9 @@ def read_targets(path: str | Path) -> Targets:
     path = path_of(path)
     document = _document(path)
     points, planes = _points(path.name, document), _planes(path.name, document)
-    no_lines = (points or planes) and "line" not in document
-    return Targets(() if no_lines else _lines(path.name, document), points, planes)
+    unplaced = _unplaced(path.name, document)
+    no_lines = (points or planes or unplaced) and not _known_tables(path.name, document, "line")
+    return Targets(() if no_lines else _lines(path.name, document), points, planes, unplaced)
 
 
 def read_lines_toml(path: str | Path) -> tuple[Line, ...]:
@@ -120,53 +132,60 @@ def lines_toml(
     lines: Sequence[Line],
     points: Sequence[Point] = (),
     remarks: Sequence[str] = (),
+    *,
     planes: Sequence[Plane] = (),
+    unplaced: Sequence[Unplaced] = (),
 ) -> bytes:
     """Needles, wires, points and planes as the text of their file, with remarks (of one line each) above them."""
     check_lines(name, lines)
     head = ["".join(f"# {remark}\n" for remark in remarks)] if remarks else []
     tables = [*map(_table, lines), *map(_point_table, points), *map(_plane_table, planes)]
+    tables += map(_unplaced_table, unplaced)
     return "\n".join([*head, *tables]).encode()
 
 
 def _lines(name: str, document: dict[str, Any]) -> tuple[Line, ...]:
-    tables = _tables(name, document, "line")
+    tables = _known_tables(name, document, "line")
+    if not tables and "line" in document and _tables(name, document, "line"):
+        raise InputError(
+            f"{name}: has no [[line]] whose place is known, and this needs one; give {', '.join(KEYS[2:])}"
+        )
     if not tables:
         raise InputError(f"{name}: has no [[line]] table; write one a needle or wire: {', '.join(KEYS)}")
-    lines = tuple(_line(name, number, table) for number, table in enumerate(tables, 1))
+    lines = tuple(_line(name, number, table) for number, table in tables)
     check_lines(name, lines)
     return lines
 
 
 def _line(name: str, number: int, table: dict[str, Any]) -> Line:
     where = f"{name}, line table {number}"
-    _check_keys(where, table, KEYS)
+    check_keys(where, table, KEYS)
     ends = [list(_numbers(where, key, table[key])) for key in ("from_mm", "to_mm")]
     with _naming(name):
         return Line(table["name"], table["frame"], np.array(ends))
 
 
 def _points(name: str, document: dict[str, Any]) -> tuple[Point, ...]:
-    return tuple(_point(name, i, table) for i, table in enumerate(_tables(name, document, "point"), 1))
+    return tuple(_point(name, i, table) for i, table in _known_tables(name, document, "point"))
 
 
 def _point(name: str, number: int, table: dict[str, Any]) -> Point:
     where = f"{name}, point table {number}"
-    _check_keys(where, table, POINT_KEYS)
+    check_keys(where, table, POINT_KEYS)
     place = np.array(list(_numbers(where, "at_mm", table["at_mm"])))
     with _naming(name):
         return Point(table["name"], table["frame"], place)
 
 
 def _planes(name: str, document: dict[str, Any]) -> tuple[Plane, ...]:
-    planes = tuple(_plane(name, i, table) for i, table in enumerate(_tables(name, document, "plane"), 1))
+    planes = tuple(_plane(name, i, table) for i, table in _known_tables(name, document, "plane"))
     check_lines(name, planes, "planes")
     return planes
 
 
 def _plane(name: str, number: int, table: dict[str, Any]) -> Plane:
     where, by_normal = f"{name}, plane table {number}", "normal" in table or "point_mm" in table
-    _check_keys(where, table, NORMAL_KEYS if by_normal else PLANE_KEYS)
+    check_keys(where, table, NORMAL_KEYS if by_normal else PLANE_KEYS)
     if by_normal:
         at, normal = (np.array(list(_numbers(where, key, table[key]))) for key in ("point_mm", "normal"))
         if not np.any(normal):
@@ -180,6 +199,24 @@ def _plane(name: str, number: int, table: dict[str, Any]) -> Plane:
         through = np.array([list(_numbers(where, "each of through_mm", row)) for row in three])
     with _naming(name):
         return Plane(table["name"], table["frame"], through)
+
+
+def _unplaced(name: str, document: dict[str, Any]) -> tuple[Unplaced, ...]:
+    place_of: dict[str, Callable[[str, int, dict[str, Any]], Target]]
+    place_of = {"point": _point, "line": _line, "plane": _plane}
+    found = []
+    for kind in KINDS:
+        for number, table in enumerate(_tables(name, document, kind), 1):
+            if is_unplaced(table):
+                known = partial(place_of[kind], name, number)
+                found.append(unplaced_of(f"{name}, {kind} table {number}", kind, table, known))
+    return tuple(found)
+
+
+def _known_tables(name: str, document: dict[str, Any], kind: str) -> list[tuple[int, dict[str, Any]]]:
+    """The tables of targets whose place is known, with their numbers in the file."""
+    numbered = enumerate(_tables(name, document, kind), 1)
+    return [(number, table) for number, table in numbered if not is_unplaced(table)]
 
 
 @contextmanager
@@ -203,15 +240,6 @@ def _tables(name: str, document: dict[str, Any], kind: str) -> list[dict[str, An
     if not isinstance(tables, list) or not all(isinstance(t, dict) for t in tables):
         raise InputError(f"{name}: {kind} must be tables; write each as [[{kind}]]")
     return tables
-
-
-def _check_keys(where: str, table: dict[str, Any], keys: Sequence[str]) -> None:
-    if missing := [key for key in keys if key not in table]:
-        raise InputError(f"{where}: lacks {', '.join(missing)}; it needs {', '.join(keys)}")
-    if unknown := [key for key in table if key not in keys]:
-        raise InputError(f"{where}: has the unknown key {unknown[0]!r}; known are {', '.join(keys)}")
-    if not (isinstance(table["name"], str) and isinstance(table["frame"], str)):
-        raise InputError(f"{where}: name and frame are text in quotes")
 
 
 def _numbers(where: str, key: str, value: Any) -> Iterator[float]:
@@ -238,7 +266,16 @@ def _plane_table(plane: Plane) -> str:
     return f"[[plane]]\n{_names(plane)}through_mm = [{points}]\n"
 
 
-def _names(thing: Target) -> str:
+def _unplaced_table(target: Unplaced) -> str:
+    keys = unplaced_keys(target)
+    if target.spanning_mm is None:
+        return f"[[{target.kind}]]\n{_names(target)}{keys}"
+    known = target_of(target.kind, target.name, target.frame, target.spanning_mm)
+    texts: dict[str, Any] = {"point": _point_table, "line": _table, "plane": _plane_table}
+    return f"{texts[target.kind](known)}{keys}"
+
+
+def _names(thing: Target | Unplaced) -> str:
     # A JSON string is a TOML string, once the one control character that JSON leaves alone is escaped.
     name, frame = (
         json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f") for text in (thing.name, thing.frame)
@@ -251,7 +288,12 @@ def _array(place: Array) -> str:
 
 
 def _write(targets: Targets, path: Path) -> None:
-    write_atomically(path, lines_toml(path.name, targets.lines, targets.points, planes=targets.planes))
+    write_atomically(
+        path,
+        lines_toml(
+            path.name, targets.lines, targets.points, planes=targets.planes, unplaced=targets.unplaced
+        ),
+    )
 
 
 def _sniff(head: Head) -> bool:

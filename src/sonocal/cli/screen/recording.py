@@ -24,6 +24,7 @@ from sonocal.targets import (
     Line,
     Plane,
     Point,
+    Unplaced,
 )
 from sonocal.tools import (
     PivotCalibration,
@@ -39,6 +40,7 @@ __all__ = [
     "print_recording",
     "print_tips",
     "print_tool",
+    "print_unplaced",
 ]
 
 
@@ -87,6 +89,18 @@ def print_planes(console: Console, title: str, planes: Sequence[Plane]) -> None:
     table = NumberTable(title, "frame", "through, mm", "and", "and", first="name")
     for plane in planes:
         table.add_row(plane.name, plane.frame, *map(_place, plane.points_mm))
+    console.print(table)
+
+
+def print_unplaced(console: Console, title: str, targets: Sequence[Unplaced]) -> None:
+    """Targets whose place is unknown, or known roughly."""
+    table = NumberTable(title, "what", "frame", "place", first="name")
+    for target in targets:
+        if target.spanning_mm is None:
+            place = "unknown"
+        else:
+            place = f"{_place(target.spanning_mm.mean(axis=0))} +-{target.sigma_mm:g}"
+        table.add_row(target.name, target.kind, target.frame, place)
     console.print(table)
 
 
