@@ -6,6 +6,7 @@ from sonocal.sweep.options import Options, PointsOptions
 from sonocal.sweep.recordings import calibrate_recording, sweep_of
 from sonocal.sweep.tabulate import Posing, Sightings, tabulate
 from sonocal.sweep.targets import TargetSweep
+from sonocal.sweep.unplaced_sweep import UnplacedSweep
 
 __all__ = [
     "CandidateCalibration",
@@ -15,6 +16,7 @@ __all__ = [
     "Sightings",
     "Sweep",
     "TargetSweep",
+    "UnplacedSweep",
     "calibrate_candidates",
     "calibrate_points",
     "calibrate_recording",
