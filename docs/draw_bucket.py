@@ -18,7 +18,7 @@ STEPS = (
     (0.0, (0.5, 0.8), "upright, turned about itself"),
     (35.0, (0.72, 0.6), "tilted to the other"),
 )
-WIDTH, DEPTH, PANEL = 90.0, 150.0, 300.0
+WIDTH, DEPTH, PANEL = 84.0, 138.0, 300.0
 
 
 MARKER = ((-22, -74), (0, -84), (22, -74))
@@ -79,7 +79,7 @@ def picture() -> str:
     for i, (tilt, seen, words) in enumerate(STEPS):
         lines += panel(i * PANEL, tilt, seen, words)
     lines += [
-        f'<text x="32" y="222" fill="{THREAD}" font-size="13">thread</text>',
+        f'<text x="505" y="252" fill="{THREAD}" font-size="13">thread</text>',
         f'<text x="{1.5 * PANEL + 34:.0f}" y="72" font-size="13">marker</text>',
         "</svg>",
     ]
