@@ -138,7 +138,7 @@ def recorded(folder: Path) -> Iterator[str]:
         yield (
             f"| {model} | {weighting} | {scales} | {found.fit.rms_mm:.3f} | {found.test.rms_mm:.3f} "
             f"| {errors[0]:.3f} / {errors[1]:.3f} "
-            f"| F({test.contrasts}, {test.freedom:.0f}) = {test.f:.1f}, p = {test.p_value:.1g} |"
+            f"| F({test.contrasts}, {test.freedom:.0f}) = {test.f_statistic:.1f}, p = {test.p_value:.1g} |"
         )
 
 

@@ -157,7 +157,7 @@ def test_f_is_the_likelihood_ratios_where_nothing_is_shared(dimension):
         freedom = 2 * len(rows) - 6 - dimension
         q = dimension - 1
         ratio = (squares["similarity"] - squares["anisotropic"]) / q / (squares["anisotropic"] / freedom)
-        assert found.models[0].f == pytest.approx(ratio, rel=0.25, abs=0.1)
+        assert found.models[0].f_statistic == pytest.approx(ratio, rel=0.25, abs=0.1)
 
 
 @given(seeds, dimensions, st.sampled_from(MODELS))
@@ -181,7 +181,7 @@ def test_tests_are_kept_by_the_file_and_told_in_words(seed, dimension, options):
     for one in found.models:
         sentence = model_in_words(one)
         assert all(f"{scale:.5f}" in sentence for scale in one.wider_mm_per_px)
-        assert f"F({one.contrasts}, {one.freedom:.0f}) = {one.f:.3g}" in sentence
+        assert f"F({one.contrasts}, {one.freedom:.0f}) = {one.f_statistic:.3g}" in sentence
 
 
 @pytest.mark.parametrize("flat", [True, False])

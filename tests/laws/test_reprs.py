@@ -183,6 +183,11 @@ BARE = {
     "crossing",
     "outlier_share",
     "p_value",
+    "f_statistic",
+    "freedom",
+    "level",
+    "apart",
+    "apart_95",
     "said_deviations",
 }
 

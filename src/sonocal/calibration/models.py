@@ -182,7 +182,7 @@ def model_in_words(test: ModelTest) -> str:
 
 def _statistics(test: ModelTest) -> str:
     p = f"= {test.p_value:.2g}" if test.p_value >= 1e-6 else "< 1e-6"
-    return f"F({test.contrasts}, {test.freedom:.0f}) = {test.f:.3g}, p {p}"
+    return f"F({test.contrasts}, {test.freedom:.0f}) = {test.f_statistic:.3g}, p {p}"
 
 
 def _percent(share: float) -> str:

@@ -42,7 +42,7 @@ class ModelTest:
         narrower, wider: the models.
         narrower_mm_per_px: the narrower one's scale; the wider one's mean where nothing was fitted by one.
         wider_mm_per_px: the wider one's, one or one along every axis.
-        f: F of `contrasts` (q) and `freedom`, where the narrower model holds.
+        f_statistic: F of `contrasts` (q) and `freedom`, where the narrower model holds.
         p_value: how often that is larger by chance.
         level: the p-value below which it is none.
         apart: by how much they differ at the most, a share: the wider one's over the narrower one's, or over its own
@@ -58,7 +58,7 @@ class ModelTest:
     wider: Model
     narrower_mm_per_px: float
     wider_mm_per_px: tuple[float, ...]
-    f: float
+    f_statistic: float
     contrasts: int
     freedom: float
     p_value: float
@@ -180,7 +180,7 @@ def tested(
         wider=wider[0],
         narrower_mm_per_px=float(narrower[1].scales[0]),
         wider_mm_per_px=tuple(scales.tolist()),
-        f=f,
+        f_statistic=f,
         contrasts=len(contrasts),
         freedom=float(min(freedom, 2**31)),
         p_value=float(fdtrc(len(contrasts), freedom, f)),
