@@ -19,7 +19,7 @@ from sonocal.calibration.placed_rows import PlacedRows, frames_of, full_poses, h
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
-from sonocal.errors import InputError, SonocalError, UnsupportedError
+from sonocal.errors import InputError, SonocalError, UnsupportedError, require
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import Array, area_places
 from sonocal.observations import Observations
@@ -92,6 +92,8 @@ def placed_by(calibration: Calibration, observations: Observations) -> Observati
         calibration: of this table.
         observations: some rows of which say a pose only.
     """
+    require("calibration", calibration, Calibration)
+    require("observations", observations, Observations)
     seen = PlacedRows.of(observations, calibration.options.targets or ())
     lag = None if calibration.latency_interval_s is None else calibration.latency_s
     return placed_at(observations, _at_lag(observations, seen, lag), _spanning(seen, calibration.targets))

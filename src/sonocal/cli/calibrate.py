@@ -298,9 +298,11 @@ def _is_table(source: Path) -> bool:
 def _require_asked(source: Path) -> None:
     """Refuse targets for a table that says where its own are."""
     import sonocal
-    from sonocal.observations.poses import unplaced_rows
+    from sonocal.files.kinds import Head
+    from sonocal.observations.poses import POSE_COLUMNS, unplaced_rows
 
-    if not unplaced_rows(sonocal.read_observations(source)).any():
+    posed = not set(POSE_COLUMNS).isdisjoint(Head.of(source).columns)
+    if not posed or not unplaced_rows(sonocal.read_observations(source)).any():
         raise InputError(
             f"{source.name}: is a table of sightings, which has its lines in it; leave out --lines"
         )
