@@ -34,10 +34,10 @@ using Parameters = std::array<double, kParameters>;  // logarithms
 
 // The likeliest parameters, by a search along the axes with ever smaller steps from the best of a grid.
 template <class Frames>
-class Search {
+class DriftSearch {
  public:
   // row_variance: in units of the line's variance, one that a row's own noise alone would give.
-  Search(const Frames& frames, double row_variance)
+  DriftSearch(const Frames& frames, double row_variance)
       : frames_(frames),
         row_variance_(row_variance),
         most_memory_(std::log(std::max(2 * frames.span(), 4.0))),
@@ -91,13 +91,13 @@ class Search {
 };
 
 template <class Frames>
-TangentMatrix of_offsets(const Frames& frames, const Search<Frames>& search, const Parameters& p) {
+TangentMatrix of_offsets(const Frames& frames, const DriftSearch<Frames>& search, const Parameters& p) {
   return frames.pulled(std::exp(p[kWander]), std::exp(p[kMemory]), search.own(p));
 }
 
 // Errors' mean square in the tangent's own metric, relative to what rows' own noise alone would give.
 template <class Frames>
-double size_of(const Frames& frames, const Search<Frames>& search, const Parameters& p,
+double size_of(const Frames& frames, const DriftSearch<Frames>& search, const Parameters& p,
                const TangentMatrix& c) {
   const double relative = c.cwiseProduct(of_offsets(frames, search, p)).sum();
   return search.misfit(p).unit * (1 + relative / static_cast<double>(c.rows()));
@@ -105,7 +105,7 @@ double size_of(const Frames& frames, const Search<Frames>& search, const Paramet
 
 // Satterthwaite's freedom of the covariance, by the likelihood's curvature in wander and memory.
 template <class Frames>
-double freedom_of(const Frames& frames, const Search<Frames>& search, const Parameters& at,
+double freedom_of(const Frames& frames, const DriftSearch<Frames>& search, const Parameters& at,
                   const TangentMatrix& c) {
   constexpr double kStep = 0.25;
   const double here = search.misfit(at).value, size = size_of(frames, search, at, c);
@@ -149,7 +149,7 @@ Drift drift_as(const WhiteResiduals& white, const double* time, const std::int32
   if (!(excess > kScreened)) return out;
 
   const double row_variance = static_cast<double>(white.shift.size()) / white.shift.squaredNorm() / 1.5;
-  Search search(frames, row_variance);
+  DriftSearch search(frames, row_variance);
   const Parameters best = search.best();
   double without = frames.misfit(0, 1, 0).value;
   if (search.has_own())
