@@ -2,6 +2,7 @@
 #pragma once
 
 #include "sonocal/linalg/semidefinite.hpp"
+#include "sonocal/linalg/transform.hpp"
 
 namespace sonocal {
 
