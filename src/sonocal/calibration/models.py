@@ -16,10 +16,15 @@ from sonocal.registration.uncertainty import scale_95
 if TYPE_CHECKING:
     from sonocal.calibration.result import Calibration
 
-__all__ = ["model_findings", "model_in_words", "scale_in_words"]
+__all__ = ["CHECK_SCALE", "model_findings", "model_in_words", "scale_in_words", "scale_known"]
 
 # Axis scales that differ by less than this cannot be told from a similarity in practice (0.5 mm at 50 mm).
 LEAST_ANISOTROPY = 0.01
+CHECK_SCALE = (
+    "check the number, and that it is of this depth setting and of images that were not resampled; leave --scale out "
+    "to have the scale found"
+)
+"""What to do about a known scale that the rows contradict."""
 # A scale is told in digits that make up this much of it.
 LEAST_OF_KNOWN = 0.001
 # Depth is time times the speed that the scanner assumes; tissue and baths are within this of it.
@@ -48,10 +53,7 @@ def _of_known_scale(test: ModelTest, accepted: tuple[Array, float, str]) -> Iter
                 f"({_statistics(test)}); with their own the corners of the {area_name} lie up to "
                 f"{test.apart_mm:.1f} mm elsewhere"
             ),
-            advice=(
-                "check the number, and that it is of this depth setting and of images that were not resampled; leave "
-                "--scale out to have the scale found"
-            ),
+            advice=CHECK_SCALE,
         )
         yield from _far_off("known-scale-far-off", "with the rows' own scale", test, accepted)
     elif (far := test.apart_mm + test.unsure_mm) > tolerance_mm:
@@ -148,6 +150,12 @@ def _speed_of_sound(ratio: float) -> str:
     )
 
 
+def scale_known(calibration: Calibration) -> float:
+    """To what share the mm/px are known (95 %); 0 where nothing says so, or they were told."""
+    covariance = calibration.covariance
+    return 0.0 if covariance is None else scale_95(covariance, calibration.noise.freedom)
+
+
 def scale_in_words(calibration: Calibration) -> str:
     """The scale or scales, and how well they are known."""
     scales = calibration.scales_mm_per_px
@@ -159,8 +167,7 @@ def scale_in_words(calibration: Calibration) -> str:
         )
     if calibration.covariance is None:
         return f"{scales[0]:.5f} mm/px"
-    known = scale_95(calibration.covariance, calibration.noise.freedom)
-    return f"{scales[0]:.5f} mm/px +- {100 * known:.2g} % (95 %)"
+    return f"{scales[0]:.5f} mm/px +- {100 * scale_known(calibration):.2g} % (95 %)"
 
 
 def model_in_words(test: ModelTest) -> str:

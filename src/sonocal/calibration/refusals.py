@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from sonocal.calibration.mixed import table_of
+from sonocal.calibration.models import CHECK_SCALE
 from sonocal.calibration.options import Options
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import DECISIVE, Diagnostic
@@ -82,10 +83,7 @@ def _of_scale(
                 f"the rows contradict the scale that was given: {agreeing} of {len(table)} agree at "
                 f"{fit.transform.scales[0]:.5f} mm/px, and {options.scale_mm_per_px:.5f} were given"
             ),
-            advice=(
-                "check the number, and that it is of this depth setting and of images that were not resampled; leave "
-                "--scale out to have the scale found"
-            ),
+            advice=CHECK_SCALE,
         )
 
 

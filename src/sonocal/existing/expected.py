@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sonocal.calibration import Calibration
+from sonocal.calibration.models import scale_known
 from sonocal.existing.difference import known_mm
 from sonocal.existing.fitting import Rereading, fitting, in_words
 from sonocal.existing.matrix import Existing
@@ -22,8 +23,6 @@ __all__ = ["against_expected", "agreeing", "expected_findings", "misread_against
 ROUGH_MM, ROUGH_SHARE = 2.5, 0.05
 # Of mm/px, as a share: another depth setting, and no other calibration of the same.
 UNEQUAL = 0.05
-# Numbers of a tangent that has a scale.
-WITH_SCALE = 7
 BY_ORIENTATION = {"flipped-image", "unexpected-orientation"}
 
 
@@ -133,7 +132,7 @@ def _scale(calibration: Calibration, expected: Existing | Calibration) -> Iterat
     theirs, ours = (one.probe_from_image.scales[: calibration.dimension] for one in (expected, calibration))
     ratios = theirs / ours - 1.0
     axis = int(np.argmax(np.abs(ratios)))
-    if abs(ratios[axis]) > UNEQUAL + _scale_known(calibration):
+    if abs(ratios[axis]) > UNEQUAL + scale_known(calibration):
         yield Diagnostic(
             code="expected-scale-differs",
             severity="info",
@@ -143,13 +142,3 @@ def _scale(calibration: Calibration, expected: Existing | Calibration) -> Iterat
             ),
             advice="mind which depth setting each is for, and that the expected one is from px to mm",
         )
-
-
-def _scale_known(calibration: Calibration) -> float:
-    """To what share our own mm/px are known (95 %): few rows leave them open."""
-    from sonocal.registration.uncertainty import scale_95
-
-    covariance = calibration.covariance
-    if covariance is None or len(covariance) < WITH_SCALE:
-        return 0.0
-    return scale_95(covariance, calibration.noise.freedom)

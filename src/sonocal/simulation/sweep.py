@@ -28,6 +28,7 @@ __all__ = [
     "SimulatedSweep",
     "SweepOptions",
     "Truth",
+    "check_sweep",
     "draw_overlay",
     "random_calibration",
     "runs",
@@ -38,6 +39,21 @@ NEEDLE_MM = 400.0
 CLEAR_MM = 5.0
 FAINT = 0.02  # amplitude below which another echo is lost in speckle
 NEEDLE = Line("needle", "Needle", np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -NEEDLE_MM]]))
+
+
+def check_sweep(frames: int, rate_hz: float, sigma_px: float, sigma_mm: float, **shares: float) -> None:
+    """Refuse settings that no sweep has.
+
+    Raises:
+        InputError: there is no image, no rate, less noise than none, or a share of the images is none.
+    """
+    if frames < 1 or not rate_hz > 0:
+        raise InputError(f"a sweep needs frames and a rate; got {frames} at {rate_hz} Hz")
+    if not (sigma_px >= 0 and sigma_mm >= 0):
+        raise InputError(f"noise cannot be negative; got {sigma_px} px and {sigma_mm} mm")
+    for name, share in shares.items():
+        if not 0 <= share <= 1:
+            raise InputError(f"{name} is between 0 and 1; got {share}")
 
 
 @dataclass(frozen=True)
@@ -70,13 +86,8 @@ class SweepOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.frames < 1 or not self.rate_hz > 0:
-            raise InputError(f"a sweep needs frames and a rate; got {self.frames} at {self.rate_hz} Hz")
-        if not (self.sigma_px >= 0 and self.sigma_mm >= 0):
-            raise InputError(f"noise cannot be negative; got {self.sigma_px} px and {self.sigma_mm} mm")
-        for name in ("hidden_share", "dropout_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"{name} is between 0 and 1; got {getattr(self, name)}")
+        shares = {"hidden_share": self.hidden_share, "dropout_share": self.dropout_share}
+        check_sweep(self.frames, self.rate_hz, self.sigma_px, self.sigma_mm, **shares)
 
 
 @dataclass(frozen=True, eq=False)

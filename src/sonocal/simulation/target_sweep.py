@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.errors import InputError
 from sonocal.geometry import Array, Similarity
 from sonocal.recording import Frames, ImageGeometry, Provenance, Recording
 from sonocal.recording.frames import Image
-from sonocal.simulation.sweep import draw_overlay, random_calibration, runs
+from sonocal.simulation.sweep import check_sweep, draw_overlay, random_calibration, runs
 from sonocal.simulation.target_poses import held, tracked
 from sonocal.simulation.ultrasound import Echo, Look, UltrasoundImager
 from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear
@@ -49,12 +48,8 @@ class TargetOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.frames < 1 or not self.rate_hz > 0:
-            raise InputError(f"a sweep needs frames and a rate; got {self.frames} at {self.rate_hz} Hz")
-        if not (self.sigma_px >= 0 and self.sigma_mm >= 0):
-            raise InputError(f"noise cannot be negative; got {self.sigma_px} px and {self.sigma_mm} mm")
-        if not 0 <= self.hidden_share <= 1:
-            raise InputError(f"hidden_share is between 0 and 1; got {self.hidden_share}")
+        noise = self.sigma_px, self.sigma_mm
+        check_sweep(self.frames, self.rate_hz, *noise, hidden_share=self.hidden_share)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.calibration import Calibration, calibrate
 from sonocal.detection import Detections
@@ -16,9 +17,9 @@ from sonocal.observations import Observations
 from sonocal.recording import Recording
 from sonocal.sweep.options import PointsOptions, of_calibrate
 from sonocal.sweep.tabulate import Posing, check_places, moved
-from sonocal.targets import Line, Plane, Point, Target, check_lines
+from sonocal.targets import Line, Plane, Point, Target, Unplaced, check_lines
 
-__all__ = ["calibrate_targets", "spanning_mm", "tabulate_targets"]
+__all__ = ["calibrate_targets", "named_targets", "require_posed", "spanning_mm", "tabulate_targets"]
 
 
 def calibrate_targets(
@@ -57,17 +58,13 @@ def tabulate_targets(
         if not isinstance(target, (Line, Plane, Point)):
             raise InputError(f"targets must be points, lines and planes; got {target!r}"[:200])
     check_lines(recording.name, targets, "targets")
-    which = _named(targets, detections)
+    which = named_targets(targets, detections)
     check_places(recording, detections)
     used = [targets[i] for i in np.unique(which)]
     place = np.searchsorted(np.unique(which), which)
     spanning = spanning_mm(recording, used, posing)[detections.frame, place]
     posed = np.asarray(np.isfinite(spanning[:, 0]).all(axis=1))
-    if not posed.any():
-        raise InputError(
-            f"{recording.name}: none of the {len(detections)} points of {detections.source} is in a frame with valid "
-            "poses; see sonocal info for what is wrong"
-        )
+    require_posed(recording, detections, posed)
     each = detections.points_each
     table = Observations.of_targets(
         detections.points_px[posed].reshape(-1, detections.dimension),
@@ -81,8 +78,12 @@ def tabulate_targets(
     return table, _without_pose(int(np.sum(~posed)), len(posed))
 
 
-def _named(targets: Sequence[Target], detections: Detections) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """(N,): which target each detection is of; one without a name is of the only target."""
+def named_targets(targets: Sequence[Target | Unplaced], detections: Detections) -> NDArray[np.int64]:
+    """(N,): which target each detection is of; one without a name is of the only target.
+
+    Raises:
+        InputError: one names no target.
+    """
     names = [target.name for target in targets]
     found = (
         np.where(detections.target == "", names[0], detections.target)
@@ -95,6 +96,15 @@ def _named(targets: Sequence[Target], detections: Detections) -> np.ndarray[tupl
             f"{detections.source}: target {unknown[0]!r} is none of the targets {', '.join(names)[:200]}; name one"
         )
     return np.array([names.index(str(name)) for name in found], dtype=np.int64)
+
+
+def require_posed(recording: Recording, detections: Detections, posed: NDArray[np.bool_]) -> None:
+    """Refuse points of which none (N,) is in a frame whose poses connect its target to the probe."""
+    if not posed.any():
+        raise InputError(
+            f"{recording.name}: none of the {len(detections)} points of {detections.source} is in a frame with valid "
+            "poses; see sonocal info for what is wrong"
+        )
 
 
 def spanning_mm(recording: Recording, targets: Sequence[Target], posing: Posing) -> Array:

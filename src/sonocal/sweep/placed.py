@@ -16,7 +16,6 @@ from sonocal.calibration import Calibration, calibrate, placed_by
 from sonocal.detection import Detections
 from sonocal.errors import (
     DegenerateGeometryError,
-    InputError,
     NoConsensusError,
     SonocalError,
     UnsupportedError,
@@ -27,6 +26,7 @@ from sonocal.observations import Observations
 from sonocal.observations.poses import carried, pose_cells, poses_of, with_poses
 from sonocal.recording import Recording, with_latency
 from sonocal.sweep.choice import CLUTTER_FRAMES
+from sonocal.sweep.mixed import named_targets, require_posed
 from sonocal.sweep.options import PointsOptions, of_calibrate
 from sonocal.sweep.tabulate import Posing, check_places
 from sonocal.targets import Line, Target, Unplaced, check_lines
@@ -194,7 +194,7 @@ def placed_rows(
     """
     check_lines(recording.name, targets, "targets")
     check_places(recording, detections)
-    which = _named(targets, detections)
+    which = named_targets(targets, detections)
     poses = np.stack(
         [
             recording.between(posing.probe, one.frame, posing.fixed, posing.on_invalid).matrices
@@ -204,11 +204,7 @@ def placed_rows(
     posed = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     if len(recording.frames):
         posed &= recording.image_valid[detections.frame]
-    if not posed.any():
-        raise InputError(
-            f"{recording.name}: none of the {len(detections)} points of {detections.source} is in a frame with valid "
-            "poses; see sonocal info for what is wrong"
-        )
+    require_posed(recording, detections, posed)
     each = detections.points_each
     poses, which, frame = poses[posed], which[posed], detections.frame[posed]
     spanning: Array = np.full((len(which), 3, 3), np.nan)
@@ -280,21 +276,6 @@ def at_latency(recording: Recording, first: FirstPlaces, options: PointsOptions)
     if first.latency_s is None:
         return recording
     return with_latency(recording, first.latency_s, on_invalid=options.on_invalid)
-
-
-def _named(targets: Sequence[Target | Unplaced], detections: Detections) -> NDArray[np.int64]:
-    names = [one.name for one in targets]
-    named = (
-        np.where(detections.target == "", names[0], detections.target)
-        if len(names) == 1
-        else detections.target
-    )
-    unknown = [str(name) for name in np.unique(named) if name not in names]
-    if unknown:
-        raise InputError(
-            f"{detections.source}: target {unknown[0]!r} is none of the targets {', '.join(names)[:200]}; name one"
-        )
-    return np.array([names.index(str(name)) for name in named], dtype=np.int64)
 
 
 def _number(options: PointsOptions) -> float:

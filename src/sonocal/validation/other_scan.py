@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonocal.calibration import Calibration, calibrate
+from sonocal.calibration.models import scale_known
 from sonocal.errors import SonocalError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.observations import Observations
-from sonocal.registration.uncertainty import scale_95
 
 __all__ = ["other_scale", "sound_alone"]
 
@@ -36,7 +36,7 @@ def other_scale(calibration: Calibration, own: Calibration) -> Iterator[Diagnost
     d = calibration.dimension
     ratios = second.scales[:d] / first.scales[:d] - 1.0
     ratio = float(ratios[np.argmax(np.abs(ratios))])
-    known = np.hypot(_scale_known(calibration), _scale_known(own))
+    known = np.hypot(scale_known(calibration), scale_known(own))
     if not abs(ratio) > max(UNEQUAL, known) or not _turned_deg(first.rotation, second.rotation) < TURNED_DEG:
         return
     yield Diagnostic(
@@ -49,12 +49,6 @@ def other_scale(calibration: Calibration, own: Calibration) -> Iterator[Diagnost
         ),
         advice="calibrate for each depth setting, or set the scanner back; images may have been resampled, too",
     )
-
-
-def _scale_known(calibration: Calibration) -> float:
-    """To what share the mm/px are known (95 %); 0 where nothing says so."""
-    covariance = calibration.covariance
-    return 0.0 if covariance is None else scale_95(covariance, calibration.noise.freedom)
 
 
 def _turned_deg(one: Array, other: Array) -> float:
