@@ -30,6 +30,7 @@ Made = tuple[sc.Observations, sc.Similarity]
 CODES = ("anisotropic-scale", "known-scale-disagrees", "known-scale-unchecked")
 UNEQUAL = (0.01, 0.02, 0.03, 0.06)
 WRONG = (0.005, 0.01, 0.02, 0.05, 0.2)
+FAR_WRONG = (-0.3, 0.3)
 
 
 def needles(seed: int, dimension: int) -> Made:
@@ -102,6 +103,54 @@ def _wrongly_known(made: list[sc.Observations], scale: float, by: float) -> str:
     return f"a known scale {by:.1%} too large | {contradicted}{refusals} | {used} of {len(made)}"
 
 
+def far_wrong(seeds: range) -> Iterator[str]:
+    """Of known scales that are far off, and of the true one beside wrong rows: whether the scale is suspected."""
+    yield "| scan | | what is wrong | calibrated | refused | the scale is named | Use it |"
+    yield "|---|---|---|---|---|---|---|"
+    for name, make in SCANS.items():
+        for dimension in (2, 3):
+            made = [make(seed, dimension)[0] for seed in seeds]
+            for by in FAR_WRONG:
+                told = _told(made, SCALE * (1 + by))
+                yield f"| {name} | {dimension}D | a known scale {100 * by:+.0f} % off | {told} |"
+            for what, spoil in SPOILT.items():
+                spoilt = [
+                    spoil(rows, np.random.default_rng(seed)) for seed, rows in zip(seeds, made, strict=True)
+                ]
+                yield f"| {name} | {dimension}D | {what} | {_told(spoilt, SCALE)} |"
+
+
+def exchanged(rows: sc.Observations, rng: np.random.Generator) -> sc.Observations:
+    """The rows with the segments of others."""
+    each = rows.dimension - 1  # rows of a sighting
+    order = (each * rng.permutation(len(rows) // each)[:, None] + np.arange(each)).ravel()
+    return dataclasses.replace(rows, segments_mm=rows.segments_mm[order])
+
+
+def outliers(rows: sc.Observations, rng: np.random.Generator) -> sc.Observations:
+    """The rows, six in ten of them anywhere in the image."""
+    points, wrong = rows.points_px.copy(), rng.random(len(rows)) < 0.6
+    points[wrong] = rng.uniform(points.min(axis=0), points.max(axis=0), (wrong.sum(), points.shape[1]))
+    return dataclasses.replace(rows, points_px=points)
+
+
+SPOILT = {"nothing": lambda rows, _: rows, "60 % outliers": outliers, "lines of other rows": exchanged}
+
+
+def _told(made: list[sc.Observations], scale: float) -> str:
+    refused = named = used = 0
+    for rows in made:
+        try:
+            found = sc.calibrate(rows, scale_mm_per_px=scale)
+        except sc.SonocalError as refusal:
+            refused += 1
+            named += "contradict the scale that was given" in str(refusal)
+            continue
+        named += any(one.code == "known-scale-disagrees" for one in found.diagnostics)
+        used += give_verdict(found).level == "use"
+    return f"{len(made) - refused} | {refused} | {named} of {len(made)} | {used}"
+
+
 def coverage(seeds: range) -> Iterator[str]:
     """Of the tangent's error with the scale known: how often its covariance's 95 % hold it."""
     yield "| scan | | within 95 % | e' C^-1 e / 6 |\n|---|---|---|---|"
@@ -152,7 +201,8 @@ def main() -> None:
     asked = parser.parse_args()
     seeds = range(asked.seeds)
     few = range(min(asked.seeds, 50))
-    for table in (size_of_tests(seeds), coverage(seeds), power(few)):
+    far = range(200, 200 + min(asked.seeds, 100))
+    for table in (size_of_tests(seeds), coverage(seeds), power(few), far_wrong(far)):
         print("\n".join(table), end="\n\n", flush=True)
     if (asked.data / "observations").exists():
         print("\n".join(recorded(asked.data)))

@@ -119,6 +119,24 @@ def test_a_matrix_alone_is_given_as_it_is_right(folder):
     assert record("validate", folder / "right.txt", folder / "needle.csv")["rereadings"] == []
 
 
+@pytest.mark.parametrize(("expected", "named"), [("right", []), ("inverse", ["inverse"])])
+def test_calibrate_has_what_its_expectation_was_misread_as(folder, tmp_path, expected, named):
+    found = record(
+        "calibrate",
+        folder / "needle.csv",
+        "--expected",
+        folder / f"{expected}.txt",
+        "-o",
+        tmp_path / "out",
+        "--no-report",
+    )
+    assert [one["name"] for one in found["rereadings"]] == named
+    for way in found["rereadings"]:
+        np.testing.assert_allclose(way["probe_from_image"], np.loadtxt(folder / "right.txt"), atol=1e-6)
+    alone = record("calibrate", folder / "needle.csv", "-o", tmp_path / "alone", "--no-report")
+    assert alone["rereadings"] == []
+
+
 @pytest.mark.parametrize(
     ("judged", "other", "named"),
     [

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
+
 from sonocal.calibration.mixed import table_of
 from sonocal.calibration.models import CHECK_SCALE
 from sonocal.calibration.options import Options
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import DECISIVE, Diagnostic
 from sonocal.observations import Observations
-from sonocal.registration.best_fit import best_fit
 from sonocal.registration.degeneracy import refuse_degenerate_lines
+from sonocal.registration.fit_targets import fit_targets
+from sonocal.registration.free_scale import freely_scaled
 from sonocal.registration.refusals import refuse_free
+from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.refused import Refused, refusal_findings
@@ -70,21 +74,33 @@ def _of_scale(
     """The finding that more rows agree where the scale is free, of a refusal under a known one."""
     if options.model != "rigid":
         return
-    try:
-        fit = best_fit(table, options.of_model("similarity"))[0]
-    except (NoConsensusError, DegenerateGeometryError):
-        return
-    agreeing = int(fit.inlier.sum())
-    if agreeing > (refusal.best_count if isinstance(refusal, NoConsensusError) else 0):
+    fit = freely_scaled(table, options, _agreeing(table, options, refusal))
+    if fit is not None:
         yield Diagnostic(
             code="known-scale-disagrees",
             severity="warning",
             message=(
-                f"the rows contradict the scale that was given: {agreeing} of {len(table)} agree at "
+                f"the rows contradict the scale that was given: {int(fit.inlier.sum())} of {len(table)} agree at "
                 f"{fit.transform.scales[0]:.5f} mm/px, and {options.scale_mm_per_px:.5f} were given"
             ),
             advice=CHECK_SCALE,
         )
+
+
+def _agreeing(
+    table: PointLineRows | TargetRows, options: Options, refusal: NoConsensusError | DegenerateGeometryError
+) -> int:
+    """How many rows agreed before they were refused, which a refusal of what leaves a motion free does not say."""
+    if isinstance(refusal, NoConsensusError):
+        return refusal.best_count
+    try:
+        if isinstance(table, TargetRows):
+            return int(np.count_nonzero(fit_targets(table, options).inlier))
+        return int(np.count_nonzero(fit_point_lines(table, options).inlier))
+    except NoConsensusError as none:
+        return none.best_count
+    except DegenerateGeometryError:  # whatever the scale is
+        return len(table)
 
 
 def _is_degenerate(table: PointLineRows | TargetRows) -> bool:

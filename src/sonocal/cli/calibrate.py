@@ -40,6 +40,7 @@ from sonocal.cli.options import (
     seed,
     typed,
 )
+from sonocal.cli.others import misread_records
 from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 from sonocal.cli.reading import ESTIMATE, OF_READING
 from sonocal.cli.refusal import refusing
@@ -229,7 +230,7 @@ def calibrate(
         files |= report_files(found, result.rows, frames=pictures(result))
     write_results(output, files)
     if as_json:
-        say_json(json_with_verdict(found, content))
+        say_json(json_with_verdict(found, content) | {"rereadings": misread_records(expectation, found)})
         return
     print_calibration(console(), found)
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)

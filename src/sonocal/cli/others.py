@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from sonocal.existing.fitting import Rereading
     from sonocal.validation import Validation
 
-__all__ = ["Others", "apart_record", "called", "print_apart", "reread_records", "with_others"]
+__all__ = [
+    "Others",
+    "apart_record",
+    "called",
+    "misread_records",
+    "print_apart",
+    "reread_records",
+    "with_others",
+]
 
 
 @dataclass(frozen=True)
@@ -47,7 +55,7 @@ def with_others(
     """
     from sonocal.existing import Existing
     from sonocal.existing.compared import compared
-    from sonocal.existing.expected import agreeing, expected_findings, misread_against
+    from sonocal.existing.expected import expected_findings, misread_against
 
     findings, beside, records = numbers.diagnostics, None, []
     if (expectation := others.expectation) is not None:
@@ -58,9 +66,16 @@ def with_others(
         records = reread_records(others.compared, beside.rereadings)
         if beside.rereadings and others.expected is not None:
             findings = (*findings, misread_against(others.compared, beside.rereadings, found))
-    if isinstance(others.expected, Existing):
-        records += reread_records(others.expected, agreeing(others.expected, found))
+    records += misread_records(others.expected, found)
     return replace(numbers, diagnostics=findings), beside, records
+
+
+def misread_records(expected: Calibration | Existing | None, found: Calibration) -> list[dict[str, Any]]:
+    """How what --expected names is right, where it was misread, for programs."""
+    from sonocal.existing import Existing
+    from sonocal.existing.expected import agreeing
+
+    return reread_records(expected, agreeing(expected, found)) if isinstance(expected, Existing) else []
 
 
 def called(other: Calibration | Existing | None, name: str) -> str:

@@ -17,10 +17,10 @@ from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["mirrored_finding", "refuse_mirrored_target", "refuse_mirrored_volume"]
+__all__ = ["far_more", "mirrored_finding", "refuse_mirrored_target", "refuse_mirrored_volume"]
 
-# Of the mirrored rows this many times as many must agree as of those that stand as they do: where most of all rows
-# do, and where a part does, as of several candidates for one needle.
+# Taken otherwise, this many times as many rows must agree as do as they stand: where most of all rows do, and where a
+# part does, as of several candidates for one needle.
 GAIN_OF_MOST, GAIN_OF_PART = 1.25, 2.0
 # Of correspondences that nothing else is wrong with.
 MOST_OF_TARGET = 0.8
@@ -57,11 +57,15 @@ def refuse_mirrored_volume(
     except (NoConsensusError, DegenerateGeometryError):
         return
     agreeing, count = int(np.count_nonzero(other.inlier)), len(rows)
-    gain = GAIN_OF_MOST if 2 * agreeing > count else GAIN_OF_PART
-    if agreeing < least or agreeing <= gain * best_count:
+    if agreeing < least or not far_more(agreeing, best_count, count):
         return
     found = mirrored_finding(agreeing, count, f"no more than {best_count} as they stand")
     raise MirroredVolumeError(f"{found.message}; {found.advice}", best_count=best_count).explained((found,))
+
+
+def far_more(agreeing: int, before: int, count: int) -> bool:
+    """Whether so many more of `count` rows agree, taken otherwise, than did before that they are to be taken so."""
+    return agreeing > (GAIN_OF_MOST if 2 * agreeing > count else GAIN_OF_PART) * before
 
 
 def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool_], scale: float) -> None:

@@ -11,6 +11,7 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.registration.best_fit import refined_fit
 from sonocal.registration.fit import Fit
+from sonocal.registration.free_scale import freely_scaled
 from sonocal.registration.mapped import mapped_rows
 from sonocal.registration.noise import Noise
 from sonocal.registration.options import Model, unknowns
@@ -25,6 +26,8 @@ __all__ = ["SURE", "ModelTest", "model_tests", "tested"]
 SURE, SURE_BESIDE_DRIFT = 0.0027, 0.05
 # The rows that agree with a model may be few where it is wrong: those that agree with the wider one are fitted again.
 ROUNDS = 2
+# Of rows of which fewer agree with a known scale, others may agree with a free one.
+FEW = 0.7
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def _tests(
         return
     one = fit
     if fit.model == "rigid":
-        one = _wider(table, fit, "similarity")
+        one = _free(table, fit) or _wider(table, fit, "similarity")
         yield from _if_sound(one, noise_of(one), fit, places)
     if fit.model == "anisotropic":
         several, one = (
@@ -116,6 +119,12 @@ def _tests(
     else:
         several = _wider(table, one, "anisotropic")
     yield from _if_sound(several, noise_of(several), one, places)
+
+
+def _free(table: PointLineRows | TargetRows, fit: Fit) -> Fit | None:
+    """The fit of a free scale by other rows than agree with the known one, where these are few."""
+    agreeing = int(np.count_nonzero(fit.inlier))
+    return freely_scaled(table, fit.options, agreeing) if agreeing < FEW * len(table) else None
 
 
 def _wider(table: PointLineRows | TargetRows, fit: Fit, model: Model) -> Fit:

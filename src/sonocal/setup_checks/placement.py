@@ -14,7 +14,7 @@ from sonocal.registration.best_fit import best_fit
 from sonocal.registration.fit import Fit
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.mirrored import mirrored_finding
-from sonocal.registration.options import Options
+from sonocal.registration.options import Model, Options
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.evidence import Evidence
@@ -227,10 +227,16 @@ def _agreeing_share(table: PointLineRows | TargetRows, threshold_mm: float) -> f
     return 0.0 if lengths < 2.0 * threshold_mm else float(found.inlier.mean())
 
 
-def quick_fit(table: PointLineRows | TargetRows, threshold_mm: float) -> Fit | None:
+def quick_fit(
+    table: PointLineRows | TargetRows, threshold_mm: float, scale_mm_per_px: float | None = None
+) -> Fit | None:
     """The fit of rows that may make no sense, from fewer samples; None where there is none."""
+    model: Model = "similarity" if scale_mm_per_px is None else "rigid"
+    options = Options(
+        threshold_mm=threshold_mm, max_samples=FEW_SAMPLES, model=model, scale_mm_per_px=scale_mm_per_px
+    )
     try:
-        return best_fit(table, Options(threshold_mm=threshold_mm, max_samples=FEW_SAMPLES))[0]
+        return best_fit(table, options)[0]
     except (NoConsensusError, DegenerateGeometryError):
         return None
 

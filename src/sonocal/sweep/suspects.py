@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sonocal.calibration import Calibration
+from sonocal.calibration.models import CHECK_SCALE
 from sonocal.calibration.options import Options
 from sonocal.calibration.refusals import leading_with
 from sonocal.calibration.rows import point_line_rows
@@ -41,7 +42,8 @@ LEAST_SHARE, GOOD_SHARE = 0.25, 0.6
 AS_MANY = 0.02
 # Share of the sightings below which it is asked why not more took part: needles are out of view for a while.
 FEW = 0.7
-
+# What a suspect explains better than the calibration did.
+BETTER_SAID = {"latency", "wrong-tool-frame", "known-scale-unchecked"}
 
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "inches": 25.4, "metres": 1000.0}
 FACTORS = {
@@ -102,7 +104,7 @@ class Suspects:
             if self._lag is not None:
                 accepted = calibration.area_px, self.options.tolerance_mm, calibration.area_name
                 found += tuple(spoiling_lag(self._lag, calibration.probe_from_image, accepted))
-            better = {one.code for one in found} | ({"latency", "wrong-tool-frame"} if found else set())
+            better = {one.code for one in found} | (BETTER_SAID if found else set())
             return (*found, *(one for one in own if one.code not in better))
 
         return replace(calibration, diagnostics=Findings(looks=(look,)))
@@ -113,7 +115,8 @@ class Suspects:
         Args:
             agreeing: how many sightings do, where that is said beside.
         """
-        for look in (self._wrong_unit, self._late, self._wrong_poses, self._wrong_frame):
+        looks = (self._wrong_scale, self._wrong_unit, self._late, self._wrong_poses, self._wrong_frame)
+        for look in looks:
             if found := tuple(look()):
                 said = "" if agreeing is None else f", instead of {agreeing}"
                 return tuple(replace(one, message=one.message + said) for one in found)
@@ -146,6 +149,24 @@ class Suspects:
             point_line_rows(table), self.recording.times, self._segments_mm, table.frame, track
         )
         return find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
+
+    def _wrong_scale(self) -> Iterator[Diagnostic]:
+        """Images that agree once the scale is left free."""
+        given = self.options.scale_mm_per_px
+        if given is None:
+            return
+        known = self._agreeing(lambda: self._segments_mm, scale_mm_per_px=given)
+        free = self._agreeing(lambda: self._segments_mm)
+        if free.part > max(GOOD_SHARE, known.part + GAIN):
+            yield Diagnostic(
+                code="known-scale-disagrees",
+                severity="warning",
+                message=(
+                    f"the rows contradict the scale that was given: {free.count} of {free.of} images agree at "
+                    f"{free.mm_per_px:.5f} mm/px, and {given:.5f} were given"
+                ),
+                advice=CHECK_SCALE,
+            )
 
     def _wrong_unit(self) -> Iterator[Diagnostic]:
         """Lines that fit when they are taken to be in another unit than the poses."""
@@ -250,27 +271,31 @@ class Suspects:
             return None
         return f"{words}: {shares[words].count} of {shares[words].of} images agree then"
 
-    def _agreeing(self, segments: Callable[[], Array], within: float = 1.0) -> _Share:
+    def _agreeing(
+        self, segments: Callable[[], Array], within: float = 1.0, scale_mm_per_px: float | None = None
+    ) -> _Share:
         """Sightings that agree with one transform, of those that have a candidate."""
         try:
             table = self._table(segments())
         except InputError:  # nothing connects such a frame to the probe
             return _Share(0, 1, np.inf)
         sightings = len(np.unique(table.frame))
-        fit = quick_fit(point_line_rows(table), within * self.threshold_mm)
+        fit = quick_fit(point_line_rows(table), within * self.threshold_mm, scale_mm_per_px)
         if fit is None:
             return _Share(0, sightings, np.inf)
         agreeing = len(np.unique(table.frame[fit.inlier]))
-        return _Share(agreeing, sightings, float(np.median(fit.residuals_mm[fit.inlier])))
+        middle_mm = float(np.median(fit.residuals_mm[fit.inlier]))
+        return _Share(agreeing, sightings, middle_mm, float(fit.transform.scales[0]))
 
 
 @dataclass(frozen=True)
 class _Share:
-    """How many images agree, of how many, and the distance of the middle one of their rows from its line."""
+    """How many images agree, of how many, the distance of the middle one of their rows from its line, the scale."""
 
     count: int
     of: int
     middle_mm: float
+    mm_per_px: float = np.nan
 
     @property
     def part(self) -> float:

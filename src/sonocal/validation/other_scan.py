@@ -34,9 +34,10 @@ def other_scale(calibration: Calibration, own: Calibration) -> Iterator[Diagnost
     """Another scan whose mm/px differ, and whose axes do not."""
     first, second = calibration.probe_from_image, own.probe_from_image
     d = calibration.dimension
-    ratios = second.scales[:d] / first.scales[:d] - 1.0
+    scales, share = _of_its_rows(calibration)
+    ratios = second.scales[:d] / scales - 1.0
     ratio = float(ratios[np.argmax(np.abs(ratios))])
-    known = np.hypot(scale_known(calibration), scale_known(own))
+    known = np.hypot(share, scale_known(own))
     if not abs(ratio) > max(UNEQUAL, known) or not _turned_deg(first.rotation, second.rotation) < TURNED_DEG:
         return
     yield Diagnostic(
@@ -44,11 +45,22 @@ def other_scale(calibration: Calibration, own: Calibration) -> Iterator[Diagnost
         severity="warning",
         message=(
             f"this scan is of another depth setting: by itself it has {second.scales[0]:.5f} mm/px and the calibration "
-            f"{first.scales[0]:.5f}, they differ by {100 * ratio:+.1f} %, and {own.fit.inliers} of "
+            f"{scales[0]:.5f}, they differ by {100 * ratio:+.1f} %, and {own.fit.inliers} of "
             f"{own.fit.observations} rows agree on that"
         ),
         advice="calibrate for each depth setting, or set the scanner back; images may have been resampled, too",
     )
+
+
+def _of_its_rows(calibration: Calibration) -> tuple[Array, float]:
+    """(d,): mm/px of the rows that were fitted, and to what share they are known (95 %).
+
+    Of a known scale that they contradict it is their own: another scan at the same depth has that one, too.
+    """
+    for test in calibration.models:
+        if test.narrower == "rigid" and test.contradicts:
+            return np.full(calibration.dimension, test.wider_mm_per_px[0]), test.apart_95
+    return calibration.probe_from_image.scales[: calibration.dimension], scale_known(calibration)
 
 
 def _turned_deg(one: Array, other: Array) -> float:
