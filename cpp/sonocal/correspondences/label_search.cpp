@@ -4,7 +4,6 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <limits>
 
 #include "sonocal/correspondences/label_fit.hpp"
 #include "sonocal/correspondences/label_grid.hpp"
@@ -28,6 +27,8 @@ constexpr int kFirstChecks = 4;
 constexpr double kHopeless = 0.5;
 // Where chance meets a dot of its own accord, meeting one says little: full weight from this logarithm on.
 constexpr double kFullWeight = 3.0;
+// An image so many times as large as all that the lines are spread over shows none of it.
+constexpr double kLargestScale = 50;
 constexpr double kKeptShare = 0.5;
 constexpr std::size_t kMostCandidates = 12;
 
@@ -85,8 +86,8 @@ class Searching {
     Transform one;
     const double px = scene.from_original(one).scales[0];  // 1 mm per px in units of here
     least_scale_ = options.least_scale * px;
-    largest_scale_ =
-        options.largest_scale > 0 ? options.largest_scale * px : std::numeric_limits<double>::infinity();
+    largest_scale_ = kLargestScale;
+    if (options.largest_scale > 0) largest_scale_ = std::min(largest_scale_, options.largest_scale * px);
   }
 
   LabelSearch run() {
