@@ -206,7 +206,7 @@ def _nothing_right(table: LabelTable, best: Settled, within_mm: float, ratio: fl
     if by_chance(table, best, within_mm) > SURE:
         return f"{int((best.labels >= 0).sum())} of {len(table.points)} dots lie on lines, and so many do by chance"
     if ratio < LEAST_RATIO:
-        return f"lines of other frames fit as well (the score is {ratio:.2f} of theirs): poses and images do not belong together"
+        return f"lines of other frames fit as well (the score is {ratio:.2f} of theirs): no pose tells"
     return ""
 
 
