@@ -102,7 +102,7 @@ def symmetric_rows(seeds: range) -> None:
     results = []
     for seed in seeds:
         rng = np.random.default_rng(seed)
-        dots = phantoms.scan(rng, phantoms.symmetric(rng), 20, turn_rad=0.03, shift_mm=3.0)
+        dots = phantoms.scan(rng, phantoms.symmetric(rng), 20, turn_rad=0.002, shift_mm=(0.3, 0.3, 20.0))
         results.append(outcome(dots, seed))
     line("six parallel wires of a hexagon, along them", results)
 

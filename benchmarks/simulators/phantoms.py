@@ -82,7 +82,17 @@ KINDS = {
 }
 
 
-def scan(rng, wires, frames, *, turn_rad=0.25, shift_mm=8.0, sigma_px=1.0, sigma_mm=0.3, sigma_rad=0.003):
+def scan(
+    rng,
+    wires,
+    frames,
+    *,
+    turn_rad=0.25,
+    shift_mm=(8.0, 8.0, 8.0),
+    sigma_px=1.0,
+    sigma_mm=0.3,
+    sigma_rad=0.003,
+):
     """What a probe sees that is moved over a phantom; tracking errors are shared by the wires of a frame."""
     scale = rng.uniform(0.1, 0.2)
     probe_from_image = Rotation.random(random_state=rng).as_matrix()

@@ -44,9 +44,12 @@ void append_matrix(const Transform& a, std::vector<double>& out) {
   write_row_major(a, out.data() + out.size() - 16);
 }
 
-nb::tuple search(LabelDots points, LabelFirst first, LabelLines lines, double reach, int finds,
-                 std::int64_t hypotheses, double seconds, double least_scale, double largest_scale,
-                 std::uint64_t seed) {
+using FoundLabels = nb::typed<nb::tuple, Out<double>, Out<double>, Out<std::int64_t>, std::int64_t, bool>;
+using Settlings = nb::typed<nb::tuple, Out<double>, Out<std::int32_t>, Out<double>, Out<double>>;
+
+FoundLabels search(LabelDots points, LabelFirst first, LabelLines lines, double reach, int finds,
+                   std::int64_t hypotheses, double seconds, double least_scale, double largest_scale,
+                   std::uint64_t seed) {
   const LabelTable table = label_table(points, first, lines);
   check_reach(reach);
   require(finds >= 1 && hypotheses >= 0 && hypotheses <= kMostHypotheses,
@@ -71,7 +74,7 @@ nb::tuple search(LabelDots points, LabelFirst first, LabelLines lines, double re
                         make_array(std::move(counts), {size}), found.hypotheses, found.finished);
 }
 
-nb::tuple settle(LabelDots points, LabelFirst first, LabelLines lines, LabelStarts starts, double reach) {
+Settlings settle(LabelDots points, LabelFirst first, LabelLines lines, LabelStarts starts, double reach) {
   const LabelTable table = label_table(points, first, lines);
   check_reach(reach);
   const std::size_t size = starts.shape(0), count = points.shape(0);

@@ -31,6 +31,7 @@ SURE = -7.0
 LEAST_RATIO = 1.04
 # In thresholds: frames whose wires are nearer to one another say nothing of the poses.
 STILL = 3.0
+LABELLING = "another labelling"
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +142,11 @@ def associate(
     answers = table.settled(matrices, within_mm)
     if not answers:
         return _nothing(table, within_mm, tried, "no similarity brings more than a few dots onto lines")
-    named = [("another labelling", one) for one in answers]
-    best = max(answers, key=lambda one: one.score)
+    named = [(LABELLING, one) for one in answers]
+    best = max(answers, key=_score)
     for name, start in rival_starts(table, best):
         named += [(name, one) for one in table.settled(start[None], within_mm)]
-    best = max((one for _, one in named), key=lambda one: one.score)
+    best = max((one for _, one in named), key=_score)
     return _judged(table, best, named, within_mm, (int(counts.max()), tried, finished))
 
 
@@ -160,18 +161,22 @@ def _judged(
     finds, tried, finished = search
     rivals = _rivals(table, best, named)
     ratio = ratio_to_shuffled(table, best, within_mm) if _moves(table, within_mm) else np.inf
+    symmetric = next((one for one in rivals if one.name != LABELLING), None)
     verdict: Verdict = "found"
     reason = f"the best of {tried} hypotheses, found {finds} times, fits {int((best.labels >= 0).sum())} dots"
-    if refusal := _nothing_right(table, best, within_mm, ratio):
-        verdict, reason = "nothing fits", refusal
-    elif not finished:
+    if by_chance(table, best, within_mm) > SURE:
+        verdict = "nothing fits"
+        reason = f"{int((best.labels >= 0).sum())} of {len(table.points)} dots lie on lines, and so many do by chance"
+    elif symmetric is None and ratio < LEAST_RATIO:
+        verdict = "nothing fits"
+        reason = f"lines of other frames fit as well (the score is {ratio:.2f} of theirs): no pose tells"
+    elif symmetric is None and not finished:
         verdict, reason = (
             "unfinished",
             f"after {tried} hypotheses the best answer was found {finds} times only",
         )
     elif rivals:
-        verdict = "ambiguous"
-        reason = f"{rivals[0].name} fits as well, and is up to {rivals[0].apart_mm:.1f} mm away"
+        verdict, reason = "ambiguous", _open(symmetric or rivals[0])
     labels, residuals = _as_given(table, best)
     return Association(
         verdict, reason, labels, residuals, _similarity(best.matrix), rivals, best.score, ratio, within_mm, finds, tried
@@ -182,7 +187,7 @@ def _rivals(table: LabelTable, best: Settled, named: list[tuple[str, Settled]]) 
     """Answers with other labels that the dots do not exclude, the best first, each once."""
     kept: list[Settled] = [best]
     found: list[RivalLabels] = []
-    for name, one in sorted(named, key=lambda each: (-each[1].score, each[0] == "another labelling")):
+    for name, one in sorted(named, key=lambda each: (-each[1].score, each[0] == LABELLING)):
         if one.score < LEAST_OF_BEST * best.score or any(_alike(one, other) for other in kept):
             continue
         kept.append(one)
@@ -195,24 +200,32 @@ def _rivals(table: LabelTable, best: Settled, named: list[tuple[str, Settled]]) 
     return tuple(found)
 
 
+def _score(settled: Settled) -> float:
+    return settled.score
+
+
 def _alike(one: Settled, other: Settled) -> bool:
     both = (one.labels >= 0) & (other.labels >= 0)
     differ = np.count_nonzero(one.labels[both] != other.labels[both])
     return bool(differ <= SAME_LABELS * max(np.count_nonzero(both), 1)) and bool(both.any())
 
 
-def _nothing_right(table: LabelTable, best: Settled, within_mm: float, ratio: float) -> str:
-    """Why the best answer is none; "" where it is one."""
-    if by_chance(table, best, within_mm) > SURE:
-        return f"{int((best.labels >= 0).sum())} of {len(table.points)} dots lie on lines, and so many do by chance"
-    if ratio < LEAST_RATIO:
-        return f"lines of other frames fit as well (the score is {ratio:.2f} of theirs): no pose tells"
-    return ""
+def _open(rival: RivalLabels) -> str:
+    """What is left open, and which view would tell."""
+    if rival.name == LABELLING:
+        tells = "add frames in which more of the lines are seen, from other sides"
+    else:
+        tells = "turn the image against the lines, by 20 degrees and more about u and about v, and move it across them"
+    return f"{rival.name} fits as well, up to {rival.apart_mm:.1f} mm away; {tells}"
 
 
 def _moves(table: LabelTable, within_mm: float) -> bool:
-    """Whether wires move from frame to frame, so that those of another do not fit."""
-    return bool(np.ptp(table.wires, axis=0).max() > STILL * within_mm)
+    """Whether wires move across themselves from frame to frame, so that those of another do not fit."""
+    along = table.wires[:, :, 1] - table.wires[:, :, 0]
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    away = table.wires[:1] - table.wires[:, :, :1]
+    away = away - np.einsum("flei,fli->fle", away, along)[..., None] * along[:, :, None]
+    return bool(np.linalg.norm(away, axis=-1).max() > STILL * within_mm)
 
 
 def _nothing(table: LabelTable, within_mm: float, tried: int, why: str) -> Association:

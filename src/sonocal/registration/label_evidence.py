@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from sonocal.geometry import Array
 from sonocal.registration.label_table import LabelTable, Settled
 
-__all__ = ["WireEvidence", "by_chance", "ratio_to_shuffled", "tells_apart", "wire_evidence"]
+__all__ = ["by_chance", "ratio_to_shuffled", "tells_apart"]
 
 # What a dot that no wire explains costs, in nats: as much as one that is three standard deviations off.
 MOST_COST = 4.5
 # So many standard errors, of frames' differences, that an answer must be better by; and so many nats.
-STANDARD_ERRORS, NATS = 4.0, 14.0
+STANDARD_ERRORS, NATS = 2.5, 25.0
+# Of a few frames, of which nobody knows how much they scatter.
+NATS_OF_FEW = 14.0
 # Of frames, from which on these tell how much their differences scatter.
 ENOUGH_FRAMES = 6
 SHUFFLES = (0.5, 0.25, 0.38, 0.62, 0.12)
@@ -42,10 +42,10 @@ def tells_apart(table: LabelTable, best: Settled, other: Settled) -> bool:
     level = max(_level_mm2(best), 1e-12)
     each = np.bincount(table.frame, _costs(other, level) - _costs(best, level), minlength=len(table.wires))
     each = each[np.diff(table.first) > 0]
+    if len(each) < ENOUGH_FRAMES:
+        return bool(each.sum() >= NATS_OF_FEW)
     if each.sum() < NATS:
         return False
-    if len(each) < ENOUGH_FRAMES:
-        return True
     error = float(np.std(each, ddof=1)) * np.sqrt(len(each))
     return bool(each.sum() > STANDARD_ERRORS * error)
 
@@ -81,43 +81,3 @@ def ratio_to_shuffled(table: LabelTable, settled: Settled, threshold_mm: float) 
         one.score for by in shifts for one in table.shuffled(by).settled(settled.matrix[None], threshold_mm)
     ]
     return settled.score / max(*scores, 1e-9) if scores else np.inf
-
-
-@dataclass(frozen=True, eq=False)
-class WireEvidence:
-    """What each wire says of the labels.
-
-    Attributes:
-        seen: (L,): how often it crosses the part of the image where dots are.
-        hits: (L,): how often a dot was there.
-        mean_mm: (L,): how far dots are from it on average.
-        error_mm: (L,): by how much that is known.
-    """
-
-    seen: Array
-    hits: Array
-    mean_mm: Array
-    error_mm: Array
-
-
-def wire_evidence(table: LabelTable, settled: Settled) -> WireEvidence:
-    """What each wire says of the labels."""
-    wires = table.wires.shape[1]
-    turn, origin = settled.matrix[:3, :3], settled.matrix[:3, 3]
-    normal = turn[:, 2]
-    along = table.wires[:, :, 1] - table.wires[:, :, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = ((origin - table.wires[:, :, 0]) @ normal) / (along @ normal)
-        places = table.wires[:, :, 0] + share[..., None] * along
-        crossing = np.linalg.solve(turn, (places - origin).reshape(-1, 3).T).T[:, :2]
-    low, high = table.points.min(axis=0), table.points.max(axis=0)
-    inside = (np.isfinite(crossing) & (crossing >= low) & (crossing <= high)).all(axis=1).reshape(-1, wires)
-    known = settled.labels >= 0
-    label, vectors = settled.labels[known], table.vectors(settled)[known]
-    hits = np.bincount(label, minlength=wires).astype(float)
-    at_least_one = np.maximum(hits, 1)
-    mean = np.stack([np.bincount(label, vectors[:, k], minlength=wires) for k in range(3)], axis=1)
-    mean /= at_least_one[:, None]
-    squares = np.bincount(label, np.sum((vectors - mean[label]) ** 2, axis=1), minlength=wires)
-    error = np.sqrt(squares / np.maximum(hits - 1, 1) / at_least_one)
-    return WireEvidence(np.maximum(inside.sum(axis=0), hits), hits, np.linalg.norm(mean, axis=1), error)

@@ -119,16 +119,6 @@ class LabelTable:
         ]
         return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_MM, MOST_MM))
 
-    def vectors(self, settled: Settled) -> Array:
-        """(N, 3), mm: from each labelled dot's wire to it, across the wire; NaN without a label."""
-        ends = self.wires[self.frame, np.maximum(settled.labels, 0)]
-        along = ends[:, 1] - ends[:, 0]
-        along = along / np.linalg.norm(along, axis=1, keepdims=True)
-        away = self.points @ settled.matrix[:3, :2].T + settled.matrix[:3, 3] - ends[:, 0]
-        away -= np.einsum("ni,ni->n", away, along)[:, None] * along
-        away[settled.labels < 0] = np.nan
-        return np.asarray(away)
-
     def shuffled(self, by: int) -> LabelTable:
         """The same dots against the wires of other frames."""
         return LabelTable(
