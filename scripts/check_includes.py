@@ -16,7 +16,7 @@ ALLOWED: dict[str, set[str]] = {
     "solvers/lanes": set(),
     "detection": {"interrupt", "linalg"},
     "solvers": {"interrupt", "linalg", "solvers/lanes"},
-    "correspondences": {"linalg", "robust", "solvers"},
+    "correspondences": {"interrupt", "linalg", "robust", "solvers", "solvers/lanes"},
     "estimate": {"interrupt", "linalg", "robust", "solvers", "correspondences"},
     "places": {"interrupt", "linalg", "robust", "correspondences", "estimate"},
     "study": {"linalg", "robust", "solvers", "estimate"},

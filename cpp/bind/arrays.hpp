@@ -41,5 +41,6 @@ void bind_estimate(nb::module_& m);
 void bind_certificate(nb::module_& m);
 void bind_noise(nb::module_& m);
 void bind_places(nb::module_& m);
+void bind_labels(nb::module_& m);
 void bind_detection(nb::module_& m);
 void bind_study(nb::module_& m);

@@ -20,6 +20,7 @@ NB_MODULE(_core, m) {
   bind_certificate(m);
   bind_noise(m);
   bind_places(m);
+  bind_labels(m);
   bind_detection(m);
   bind_study(m);
 }
