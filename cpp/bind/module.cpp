@@ -22,4 +22,5 @@ NB_MODULE(_core, m) {
   bind_places(m);
   bind_detection(m);
   bind_study(m);
+  bind_igtl(m);
 }
