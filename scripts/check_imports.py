@@ -18,6 +18,7 @@ ROOMS: dict[str, set[str]] = {
     "__main__": {"cli"},
     "cli": ALL,
     "cli.screen": ALL - {"cli"},
+    "igtl": {"_core"},
     "studies": {
         "calibration",
         "observations",

@@ -15,6 +15,7 @@ ALLOWED: dict[str, set[str]] = {
     "robust": {"interrupt"},
     "solvers/lanes": set(),
     "detection": {"interrupt", "linalg"},
+    "igtl": set(),
     "solvers": {"interrupt", "linalg", "solvers/lanes"},
     "correspondences": {"interrupt", "linalg", "robust", "solvers", "solvers/lanes"},
     "estimate": {"interrupt", "linalg", "robust", "solvers", "correspondences"},

@@ -44,3 +44,4 @@ void bind_places(nb::module_& m);
 void bind_labels(nb::module_& m);
 void bind_detection(nb::module_& m);
 void bind_study(nb::module_& m);
+void bind_igtl(nb::module_& m);

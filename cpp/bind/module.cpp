@@ -23,4 +23,5 @@ NB_MODULE(_core, m) {
   bind_labels(m);
   bind_detection(m);
   bind_study(m);
+  bind_igtl(m);
 }

@@ -76,6 +76,7 @@ _FURTHER = (
     "detection",
     "existing",
     "export",
+    "igtl",
     "registration",
     "report",
     "setup_checks",

@@ -224,6 +224,11 @@ def find_places(h: Hostile) -> Any:
     )
 
 
+def crc64(h: Hostile) -> Any:
+    values = h.random.integers(0, 256, h.pick([0, 1, 7, 8, 9, 100, 4099]))
+    return h.core.crc64(h.array(values, np.uint8), h.count(0, 2**64 - 1))
+
+
 CALLS: dict[str, Callable[[Hostile], Any]] = {
     "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
     "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
@@ -253,6 +258,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "BlobFilter": blobs,
     "study_trials": study_trials,
     "study_bounds": study_bounds,
+    "crc64": crc64,
     "kernel": lambda h: len(h.core.kernel()),
 }
 # What the calls above make or are given.
