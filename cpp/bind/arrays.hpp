@@ -43,3 +43,5 @@ void bind_noise(nb::module_& m);
 void bind_places(nb::module_& m);
 void bind_detection(nb::module_& m);
 void bind_study(nb::module_& m);
+void bind_volumes(nb::module_& m);
+void bind_plus(nb::module_& m);

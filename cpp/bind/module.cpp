@@ -22,4 +22,6 @@ NB_MODULE(_core, m) {
   bind_places(m);
   bind_detection(m);
   bind_study(m);
+  bind_volumes(m);
+  bind_plus(m);
 }
