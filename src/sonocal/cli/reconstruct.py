@@ -190,9 +190,9 @@ def reconstruct(
     reserve(*written, read=sweep.provenance.paths)
     with progress("making the volume") as report:
         if like_plus is not None:
-            volume = _as_plus(sweep, loaded, like_plus, output, options, report)
+            volume = _as_plus(sweep, loaded, like_plus, output, options | {"progress": report})
         else:
-            volume = _own(sweep, loaded, mask, output, options, report)
+            volume = _own(sweep, loaded, mask, output, options | {"progress": report})
     if as_json:
         say_json(_record(volume, output))
         return
@@ -200,29 +200,27 @@ def reconstruct(
     say(f"Wrote {' and '.join(map(str, written))}")
 
 
-def _own(
-    sweep: Recording, loaded: Any, mask: Path | None, output: Path, options: dict[str, Any], report: Any
-) -> Volume:
+def _own(sweep: Recording, loaded: Any, mask: Path | None, output: Path, options: dict[str, Any]) -> Volume:
     import numpy as np
 
     from sonocal.detection import read_mask
     from sonocal.reconstruction import reconstruct as make
 
-    chosen = {name: options[name] for name in (*OWN, "probe", "on_invalid")}
+    chosen = {name: options[name] for name in (*OWN, "probe", "on_invalid", "progress")}
     chosen["spacing_mm"] = np.squeeze(options["spacing_mm"])
     if options["bounds_mm"] is not None:
         chosen["bounds_mm"] = np.reshape(options["bounds_mm"], (2, 3))
     drawn = None if mask is None else read_mask(mask, sweep.frames.shape[:2])
-    return make(sweep, loaded, output, progress=report, mask=drawn, **chosen)
+    return make(sweep, loaded, output, mask=drawn, **chosen)
 
 
 def _as_plus(
-    sweep: Recording, loaded: Any, device_set: Path, output: Path, options: dict[str, Any], report: Any
+    sweep: Recording, loaded: Any, device_set: Path, output: Path, options: dict[str, Any]
 ) -> Volume:
     from sonocal.reconstruction import reconstruct_like_plus, write_array
 
-    told = {"probe": options["probe"], "on_invalid": options["on_invalid"]}
-    volume = reconstruct_like_plus(sweep, loaded, device_set, progress=report, **told)
+    told = {name: options[name] for name in ("probe", "on_invalid", "progress")}
+    volume = reconstruct_like_plus(sweep, loaded, device_set, **told)
     write_array(output, volume.values, volume.grid, volume.reference, options["axes"])
     return volume
 

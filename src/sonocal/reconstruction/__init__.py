@@ -6,8 +6,8 @@ A way to give voxels what images say of them is a class of `pieces`, a line in i
 from sonocal.reconstruction.files import write_array
 from sonocal.reconstruction.grid import Grid
 from sonocal.reconstruction.like_plus import reconstruct_like_plus
+from sonocal.reconstruction.making import reconstruct
 from sonocal.reconstruction.options import Options
-from sonocal.reconstruction.reconstruct import reconstruct
 from sonocal.reconstruction.volume import Volume
 
 __all__ = ["Grid", "Options", "Volume", "reconstruct", "reconstruct_like_plus", "write_array"]

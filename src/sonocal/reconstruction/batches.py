@@ -81,7 +81,7 @@ class Crossing:
     def _box_px(self) -> tuple[int, int]:
         """Pixels of the image to a voxel, along u and v: over so many speckle is averaged."""
         steps = np.linalg.norm(self.voxel_from_pixel[0, :, :2], axis=0)
-        across, down = (max(1, int(round(1.0 / step))) for step in steps)
+        across, down = (max(1, round(1.0 / step)) for step in steps)
         return across, down
 
     @property
@@ -127,8 +127,7 @@ class Crossing:
 
 
 class Images:
-    """The images of a crossing, decoded once: in memory while few, else in a temporary file, since a large volume goes
-    through them several times.
+    """The images of a crossing, decoded once, and kept in a temporary file where a large volume asks for them again.
 
     Args:
         crossing: the images.
@@ -167,7 +166,7 @@ class Images:
     def _from_file(self, start: int, images: NDArray[Any]) -> NDArray[Any]:
         assert self._file is not None
         self._file.seek(start * images[0].nbytes)
-        self._file.readinto(images.data.cast("B"))  # type: ignore[attr-defined]
+        self._file.readinto(images.data.cast("B"))
         return images
 
     def _keep(self, start: int, stop: int, images: NDArray[Any]) -> None:

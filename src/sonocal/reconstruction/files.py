@@ -62,6 +62,7 @@ def _metaio(grid: Grid, dtype: np.dtype[Any], frame: str, axes: Axes) -> list[st
         f"ElementSpacing = {_numbers(grid.spacing_mm)}",
         f"DimSize = {_numbers(grid.size)}",
         "Kinds = domain domain domain",
+        "UltrasoundImageOrientation = MFA",
         f"ReferenceCoordinateFrame = {frame}",
         f"ElementType = {METAIO_TYPES[dtype.name]}",
         "ElementDataFile = LOCAL",
@@ -85,6 +86,7 @@ def _nrrd(grid: Grid, dtype: np.dtype[Any], frame: str, axes: Axes) -> list[str]
         "endian: little",
         "encoding: raw",
         f"space origin: ({','.join(_numbers(grid.origin_mm).split())})",
+        "ultrasound image orientation:=MFA",
         f"ReferenceCoordinateFrame:={frame}",
         "",
     ]

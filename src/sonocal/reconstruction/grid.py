@@ -57,7 +57,7 @@ class Grid:
         return matrix
 
 
-def given_spacing(spacing_mm: object) -> Array:
+def given_spacing(spacing_mm: ArrayLike) -> Array:
     """(3,) mm, of one number or three.
 
     Raises:
@@ -86,7 +86,7 @@ def grid_around(corners_mm: Array, spacing_mm: Array, name: str) -> Grid:
     return grid_of_size(low * spacing_mm, spacing_mm, high - low + 1, name)
 
 
-def grid_within(bounds_mm: object, spacing_mm: Array, name: str) -> Grid:
+def grid_within(bounds_mm: ArrayLike, spacing_mm: Array, name: str) -> Grid:
     """The voxels between two corners, of which the lowest is the first voxel's centre.
 
     Raises:
@@ -115,8 +115,8 @@ def grid_of_size(origin: Array, spacing: Array, size: ArrayLike, name: str) -> G
     if size.max() > MOST_SIDE or size.prod() > MOST_VOXELS:
         words = " x ".join(f"{n:.0f}" for n in size)
         raise InputError(
-            f"{name}: the volume would have {words} voxels, and {MOST_SIDE} along an axis and 2^33 in all are the most; "
-            "give a larger spacing, or bounds of the part that you want"
+            f"{name}: the volume would have {words} voxels, and {MOST_SIDE} along an axis and 2^33 in all are the "
+            "most; give a larger spacing, or bounds of the part that you want"
         )
     x, y, z = (int(n) for n in size)
     return Grid(np.array(origin, dtype=float), np.array(spacing, dtype=float), (x, y, z))

@@ -17,7 +17,7 @@ def joined_images(placed: Placed, corners_mm: Array, longest_gap_mm: float) -> N
     Nothing is made up across an image without a pose, where nobody knows the way the probe took.
     """
     moved = np.linalg.norm(np.diff(corners_mm, axis=0), axis=2).max(axis=1, initial=0.0)
-    return ((moved <= longest_gap_mm) & (np.diff(placed.rows) == 1)).astype(np.int32)
+    return np.asarray((moved <= longest_gap_mm) & (np.diff(placed.rows) == 1), dtype=np.int32)
 
 
 def image_planes(reference_from_image: Array) -> Array:
@@ -28,4 +28,4 @@ def image_planes(reference_from_image: Array) -> Array:
     frames = reference_from_image.copy()
     normal = np.cross(frames[:, :3, 0], frames[:, :3, 1])
     frames[:, :3, 2] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.linalg.inv(frames)
+    return np.asarray(np.linalg.inv(frames))

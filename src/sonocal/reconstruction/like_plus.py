@@ -126,7 +126,8 @@ def _checked(placed: Placed, matrices: Array) -> Array:
     beyond = np.flatnonzero((np.abs(matrices[:, :3] * size) >= most).any(axis=(1, 2)))
     if len(beyond):
         raise InputError(
-            f"{placed.name}, frame {placed.rows[beyond[0]]}: lies further than {most} voxels from the volume; leave it out"
+            f"{placed.name}, frame {placed.rows[beyond[0]]}: lies further than {most} voxels from the volume; leave "
+            "it out"
         )
     return matrices
 

@@ -1,4 +1,4 @@
-"""Pieces of a volume: what their voxels have been given so far. They share nothing, so threads may fill them at once."""
+"""Pieces of a volume: what their voxels have been given so far. Threads may fill several: they share nothing."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Piece:
     def crossed_by(self, batch: Batch, margin: float = 1.0) -> NDArray[np.int32]:
         """Which images of a batch may reach a voxel of the piece; those that were in a batch before are left out."""
         end = np.add(self.low, self.size)
-        hit = ((batch.high >= np.subtract(self.low, margin)) & (batch.low <= end + margin)).all(axis=1)
+        hit = np.all((batch.high >= np.subtract(self.low, margin)) & (batch.low <= end + margin), axis=1)
         hit[: batch.fresh] = False
         return np.flatnonzero(hit).astype(np.int32)
 
@@ -153,14 +153,24 @@ class Between(Piece):
         given = (batch.images, batch.pixel_from_voxel, batch.joined)
         _core.insert_between(self._cells, self._low, *given, batch.mask, self.compounding)
         # An image that two batches share is looked at with the first of them.
-        own = [part[batch.fresh :] for part in given]
+        joined = batch.joined[batch.fresh :]
         first = bool(batch.joined[0]) if batch.fresh else False
-        if first and batch.goes_on and own[2].all():
+        if first and batch.goes_on and joined.all():
             return
         if self._alone is None:
             self._alone = np.zeros(self.shape, dtype=np.uint64)
-        ends = {"half_mm": batch.half_mm, "first": first, "last": batch.goes_on}
-        _core.insert_alone(self._alone, self._low, *own, batch.mask, self.compounding, **ends)
+        _core.insert_alone(
+            self._alone,
+            self._low,
+            batch.images[batch.fresh :],
+            batch.pixel_from_voxel[batch.fresh :],
+            joined,
+            batch.mask,
+            self.compounding,
+            half_mm=batch.half_mm,
+            first=first,
+            last=batch.goes_on,
+        )
 
     def settle(self, dtype: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
         """As `Piece.settle`."""

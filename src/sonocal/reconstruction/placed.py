@@ -64,7 +64,7 @@ class Placed:
         px = np.array(
             [[left, top, 0, 1], [left, bottom, 0, 1], [right, top, 0, 1], [right, bottom, 0, 1]], float
         )
-        return np.einsum("nij,cj->nci", self.reference_from_image, px)[..., :3]
+        return np.asarray(np.einsum("nij,cj->nci", self.reference_from_image, px)[..., :3])
 
     def pixels(self, start: int, stop: int) -> Iterator[NDArray[Any]]:
         """Images start <= i < stop of those that have a pose, as grey levels [v, u]."""
@@ -107,7 +107,7 @@ def reference_of(recording: Recording, options: Options) -> str:
     if options.reference is not None:
         return options.reference
     names = {name.lower() for poses in recording.poses.values() for name in (poses.source, poses.target)}
-    if "reference" in names and "reference" != options.probe.lower():
+    if "reference" in names and options.probe.lower() != "reference":
         return "Reference"
     return recording.tool(options.probe).target
 

@@ -73,8 +73,8 @@ def in_memory(grid: Grid, placed: Placed, options: Options) -> Iterator[Store]:
     """
     if grid.voxels * placed.dtype.itemsize > MOST_IN_MEMORY:
         raise InputError(
-            f"{placed.name}: a volume of {grid.voxels} voxels is written to a file and not kept in memory; name one with "
-            "path, or give a larger spacing"
+            f"{placed.name}: a volume of {grid.voxels} voxels is written to a file and not kept in memory; name one "
+            "with path, or give a larger spacing"
         )
     coverage = np.zeros(grid.shape, dtype=np.uint16) if options.coverage else None
     yield Store(np.zeros(grid.shape, dtype=placed.dtype), coverage, grid, placed)
@@ -105,13 +105,18 @@ def in_file(path: Path) -> Callable[[Grid, Placed, Options], AbstractContextMana
                 coverage, further = stack.enter_context(mapped(second, head, grid.shape, counts))
                 flushes.append(further)
             into = Store(values, coverage, grid, placed)
-            into.written = lambda: [one() for one in flushes] and None
+            into.written = lambda: _each(flushes)
             into.read = lambda: (
                 of_file(path, header, grid.shape, placed.dtype),
                 of_file(second, head, grid.shape, counts) if options.coverage else None,
             )
             yield into
             del values, coverage
-            into.values = into.coverage = None  # type: ignore[assignment] - the files are closed
+            into.values, into.coverage = np.empty(0), None  # the files are closed
 
     return store
+
+
+def _each(calls: list[Callable[[], None]]) -> None:
+    for call in calls:
+        call()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from sonocal.geometry import Array
 from sonocal.reconstruction.batches import Crossing, Images, crossing
 from sonocal.reconstruction.grid import Grid, given_spacing, grid_around, grid_within
 from sonocal.reconstruction.options import Options, options_of
-from sonocal.reconstruction.pieces import BYTES_A_VOXEL, SIDE, Piece, boxes_of, new_piece
+from sonocal.reconstruction.pieces import BYTES_A_VOXEL, SIDE, Batch, Piece, boxes_of, new_piece
 from sonocal.reconstruction.placed import Placed, image_matrix, place
 from sonocal.reconstruction.store import Store, in_file, in_memory
 from sonocal.reconstruction.volume import Volume
@@ -101,7 +102,8 @@ def _refuse_beside(placed: Placed, grid: Grid, corners_mm: Array) -> None:
         return
     around = " x ".join(f"{a:.0f} to {b:.0f}" for a, b in zip(low.min(axis=0), high.max(axis=0), strict=True))
     raise InputError(
-        f"{placed.name}: none of its {len(placed)} images crosses bounds_mm; they lie at {around} mm in {placed.reference}"
+        f"{placed.name}: none of its {len(placed)} images crosses bounds_mm; they lie at {around} mm in "
+        f"{placed.reference}"
     )
 
 
@@ -121,7 +123,7 @@ def _fill(images: Crossing, into: Store, report: Report) -> int:
                 for k, (start, stop) in enumerate(ranges):
                     if number == 0 or _crosses(images, group, start, stop):
                         batch = images.batch(start, stop, kept.read(start, stop))
-                        _all(pool, lambda piece, batch=batch: piece.insert(batch), pieces)
+                        _all(pool, partial(_insert, batch), pieces)
                     report(number * len(ranges) + k + 1, steps)
                 filled += sum(_all(pool, lambda piece: _settle(piece, into), pieces))
     finally:
@@ -131,6 +133,10 @@ def _fill(images: Crossing, into: Store, report: Report) -> int:
 
 def _all(pool: ThreadPoolExecutor, work: Callable[[Piece], Any], pieces: list[Piece]) -> list[Any]:
     return list(pool.map(work, pieces))
+
+
+def _insert(batch: Batch, piece: Piece) -> None:
+    piece.insert(batch)
 
 
 def _settle(piece: Piece, into: Store) -> int:
