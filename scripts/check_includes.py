@@ -15,6 +15,7 @@ ALLOWED: dict[str, set[str]] = {
     "robust": {"interrupt"},
     "solvers/lanes": set(),
     "detection": {"interrupt", "linalg"},
+    "reconstruction": {"interrupt"},
     "solvers": {"interrupt", "linalg", "solvers/lanes"},
     "correspondences": {"linalg", "robust", "solvers"},
     "estimate": {"interrupt", "linalg", "robust", "solvers", "correspondences"},

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "sonocal/reconstruction/averages.hpp"
 #include "sonocal/reconstruction/between.hpp"
 #include "sonocal/reconstruction/slices.hpp"
 
@@ -124,6 +125,23 @@ void alone(Cells cells, Low low, Images<Pixel> images, Matrices matrices, Which 
   insert_alone(passage, box, half_mm, first, last, how, cells.data());
 }
 
+// Over so many pixels sums are below 2^32.
+constexpr int kMostAcross = 127;
+
+template <class Pixel>
+void average(In<Pixel, nb::shape<-1, -1>> image, int across, int down,
+             InOut<Pixel, nb::shape<-1, -1>> averaged) {
+  check_image(image.shape(0), image.shape(1));
+  require(averaged.shape(0) == image.shape(0) && averaged.shape(1) == image.shape(1),
+          "the arrays differ in shape");
+  require(averaged.data() != image.data(), "an image is averaged into another array");
+  require(across >= 1 && across <= kMostAcross && down >= 1 && down <= kMostAcross,
+          "an average is over 1 to 127 pixels along each side");
+  nb::gil_scoped_release unlocked;
+  average_image(image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), across,
+                down, averaged.data());
+}
+
 // Values of the box, and how often each voxel was given one.
 template <class Pixel>
 void settle_of_cells(Cells cells, const std::string& compounding, std::uint64_t parts,
@@ -159,6 +177,8 @@ void bind_pixels(nb::module_& m) {
   m.def("insert_alone", &alone<Pixel>, "cells"_a.noconvert(), "low"_a.noconvert(), "images"_a.noconvert(),
         "matrices"_a.noconvert(), "joined"_a.noconvert(), "mask"_a.noconvert(), "compounding"_a, "half_mm"_a,
         "first"_a, "last"_a);
+  m.def("average_image", &average<Pixel>, "image"_a.noconvert(), "across"_a, "down"_a,
+        "averaged"_a.noconvert());
   m.def("settle_cells", &settle_of_cells<Pixel>, "cells"_a.noconvert(), "compounding"_a, "parts"_a,
         "values"_a.noconvert(), "counts"_a.noconvert());
   m.def("settle_sums", &settle_of_sums<Pixel>, "sums"_a.noconvert(), "values"_a.noconvert(),

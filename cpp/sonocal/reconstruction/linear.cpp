@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "sonocal/interrupt/interrupt.hpp"
 #include "sonocal/reconstruction/slices.hpp"
@@ -37,6 +39,11 @@ void insert_row_linear(const PixelRow& row, const Box& box, const Pixel* pixels,
   }
 }
 
+constexpr double kMostCounted = 4294967295.0;
+
+// Sums are the caller's: what no image adds up to is no number either.
+double held_to(double x, double most) { return x > 0 ? std::min(x, most) : 0; }
+
 // Pixels whose floor is in the box or in the layer before it reach a voxel of the box.
 Box reached(const Box& box) {
   Box grown = box;
@@ -70,8 +77,11 @@ void settle_sums(const double* sums, const Box& box, Pixel* values, std::uint32_
     for (int y = 1; y <= box.size[1]; ++y) {
       const double* sum = sums + 2 * (z * deep + y * wide + 1);
       for (int x = 0; x < box.size[0]; ++x, sum += 2) {
-        *values++ = sum[1] > 0 ? static_cast<Pixel>(sum[0] / sum[1] + 0.5) : Pixel{0};
-        *counts++ = static_cast<std::uint32_t>(std::ceil(sum[1]));
+        const bool some = sum[1] > 0;
+        *values++ =
+            some ? static_cast<Pixel>(held_to(sum[0] / sum[1] + 0.5, std::numeric_limits<Pixel>::max()))
+                 : Pixel{0};
+        *counts++ = some ? static_cast<std::uint32_t>(held_to(std::ceil(sum[1]), kMostCounted)) : 0;
       }
     }
 }

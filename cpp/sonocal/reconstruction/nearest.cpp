@@ -4,22 +4,45 @@
 namespace sonocal {
 namespace {
 
-// Pixels of a row that all lie in the box. A voxel takes several in succession: they are added up before it
-// is told.
+// Where a pixel of a row lies in the box, and how it goes on: numbers of its own, since cells might be the
+// row's.
+struct Runner {
+  std::int64_t x, y, z;
+  const std::int64_t along, down, off, wide, deep;
+
+  Runner(const PixelRow& row, const Box& box, int u)
+      : x(row.at[0] + u * row.step[0] - box.lo[0] * kOneVoxel),
+        y(row.at[1] + u * row.step[1] - box.lo[1] * kOneVoxel),
+        z(row.at[2] + u * row.step[2] - box.lo[2] * kOneVoxel),
+        along(row.step[0]),
+        down(row.step[1]),
+        off(row.step[2]),
+        wide(box.size[0]),
+        deep(wide * box.size[1]) {}
+
+  std::int64_t next() {
+    const std::int64_t cell = (x >> kFraction) + (y >> kFraction) * wide + (z >> kFraction) * deep;
+    x += along, y += down, z += off;
+    return cell;
+  }
+};
+
+// Pixels of a row that all lie in the box. A voxel takes several in succession, and each waits for the one
+// before: so both halves of the row go at once, where their order has no meaning.
 template <Compounding how, class Pixel>
 void insert_row(const PixelRow& row, const Box& box, const Pixel* pixels, int first, int last,
                 std::uint64_t* cells) {
-  const std::int64_t wide = box.size[0], deep = wide * box.size[1];
-  std::int64_t x = row.at[0] + first * row.step[0] - box.lo[0] * kOneVoxel;
-  std::int64_t y = row.at[1] + first * row.step[1] - box.lo[1] * kOneVoxel;
-  std::int64_t z = row.at[2] + first * row.step[2] - box.lo[2] * kOneVoxel;
-  for (int u = first; u < last; ++u) {
-    const std::int64_t cell = (x >> kFraction) + (y >> kFraction) * wide + (z >> kFraction) * deep;
-    give<how>(cells[cell], pixels[u]);
-    x += row.step[0];
-    y += row.step[1];
-    z += row.step[2];
+  if constexpr (how != Compounding::latest) {
+    const int half = (last - first) / 2;
+    Runner near(row, box, first), far(row, box, first + half);
+    for (const int middle = first + half; first < middle; ++first) {
+      give<how>(cells[near.next()], pixels[first]);
+      give<how>(cells[far.next()], pixels[first + half]);
+    }
+    first += half;
   }
+  Runner rest(row, box, first);
+  for (; first < last; ++first) give<how>(cells[rest.next()], pixels[first]);
 }
 
 template <Compounding how, class Pixel>

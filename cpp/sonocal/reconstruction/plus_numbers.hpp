@@ -15,7 +15,7 @@ struct Fixed {
   std::int32_t i;
 
   static Fixed of(double x) { return {static_cast<std::int32_t>(std::llrint(x * (1 << kBits)))}; }
-  static Fixed whole(std::int32_t x) { return {x << kBits}; }
+  static Fixed whole(std::int32_t x) { return {x * (1 << kBits)}; }
 };
 
 inline Fixed operator+(Fixed a, Fixed b) { return {a.i + b.i}; }

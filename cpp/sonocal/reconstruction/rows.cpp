@@ -29,7 +29,7 @@ void clip(const PixelRow& row, const Box& box, int& first, int& last) {
     const std::int64_t high = (std::int64_t{box.lo[i]} + box.size[i]) * kOneVoxel - row.at[i];
     const std::int64_t step = row.step[i];
     if (step == 0) {
-      if (low > 0 || high <= 0) until = from;
+      if (low > 0 || high <= 0) until = first;
     } else if (step > 0) {  // low <= u step < high
       from = std::max(from, -floor_divide(-low, step));
       until = std::min(until, -floor_divide(-high, step));
@@ -39,7 +39,7 @@ void clip(const PixelRow& row, const Box& box, int& first, int& last) {
     }
   }
   first = static_cast<int>(std::min<std::int64_t>(from, last));
-  last = static_cast<int>(std::max<std::int64_t>(until, first));
+  last = static_cast<int>(std::clamp<std::int64_t>(until, first, last));
 }
 
 bool near_enough(const double* m, int width, int height) {

@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal import _core
+
 __all__ = ["averaged_over"]
+
+# Pixels along a side; sums of more would not fit into 32 bits.
+MOST_ACROSS = 127
 
 
 def averaged_over(image: NDArray[Any], box_px: tuple[int, int]) -> NDArray[Any]:
@@ -17,29 +22,9 @@ def averaged_over(image: NDArray[Any], box_px: tuple[int, int]) -> NDArray[Any]:
         image: (rows, columns), of whole numbers.
         box_px: along u and along v; of an even number the last pixel counts half at each end.
     """
-    across, down = box_px
+    across, down = (min(max(1, count), MOST_ACROSS) for count in box_px)
     if across == 1 and down == 1:
         return image
-    sums = _sums_along(image.astype(np.uint32), across, 1)
-    sums = _sums_along(sums, down, 0)
-    parts = np.uint32(4 * across * down)
-    return ((sums + parts // 2) // parts).astype(image.dtype)
-
-
-def _sums_along(image: NDArray[np.uint32], count: int, axis: int) -> NDArray[np.uint32]:
-    """Twice the sums of so many pixels around each along an axis, in exact integers."""
-    around = count // 2
-    pads = [(0, 0), (0, 0)]
-    pads[axis] = (around + 1, around)
-    total = np.cumsum(np.pad(image, pads, mode="edge"), axis=axis, dtype=np.uint64)
-    n = image.shape[axis]
-
-    def window(reach: int) -> NDArray[np.uint64]:
-        """Sums of the pixels up to `reach` to each side."""
-        high = np.take(total, np.arange(n) + around + 1 + reach, axis=axis)
-        low = np.take(total, np.arange(n) + around - reach, axis=axis)
-        return high - low
-
-    wide = window(around)
-    both = 2 * wide if count % 2 else wide + window(around - 1)
-    return both.astype(np.uint32)
+    averaged = np.empty_like(image)
+    _core.average_image(image, across, down, averaged)
+    return averaged
