@@ -16,6 +16,7 @@ ALLOWED: dict[str, set[str]] = {
     "solvers/lanes": set(),
     "detection": {"interrupt", "linalg"},
     "igtl": set(),
+    "reconstruction": {"interrupt"},
     "solvers": {"interrupt", "linalg", "solvers/lanes"},
     "correspondences": {"interrupt", "linalg", "robust", "solvers", "solvers/lanes"},
     "estimate": {"interrupt", "linalg", "robust", "solvers", "correspondences"},

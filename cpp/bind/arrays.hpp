@@ -45,3 +45,5 @@ void bind_labels(nb::module_& m);
 void bind_detection(nb::module_& m);
 void bind_study(nb::module_& m);
 void bind_igtl(nb::module_& m);
+void bind_volumes(nb::module_& m);
+void bind_plus(nb::module_& m);

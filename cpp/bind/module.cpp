@@ -24,4 +24,6 @@ NB_MODULE(_core, m) {
   bind_detection(m);
   bind_study(m);
   bind_igtl(m);
+  bind_volumes(m);
+  bind_plus(m);
 }

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tests.builders.hostile import Hostile
+from tests.builders.volume_calls import VOLUME_CALLS
 
 REFUSALS = (ValueError, TypeError)
 SOLVERS = ["closed_form", "paper_four_points", "paper_two_lines", "linear"]
@@ -259,6 +260,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "study_trials": study_trials,
     "study_bounds": study_bounds,
     "crc64": crc64,
+    **VOLUME_CALLS,
     "kernel": lambda h: len(h.core.kernel()),
 }
 # What the calls above make or are given.

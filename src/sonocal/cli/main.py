@@ -18,6 +18,7 @@ from sonocal.cli.export import export
 from sonocal.cli.help import Commands
 from sonocal.cli.info import info
 from sonocal.cli.piped import without_spool
+from sonocal.cli.reconstruct import reconstruct
 from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
 from sonocal.cli.study import study
@@ -63,5 +64,17 @@ def main() -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
-for _command in (demo, sample, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
+for _command in (
+    demo,
+    sample,
+    calibrate,
+    *COMMANDS,
+    tool,
+    validate,
+    study,
+    export,
+    reconstruct,
+    convert,
+    info,
+):
     main.add_command(_command)
