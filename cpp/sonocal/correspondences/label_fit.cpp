@@ -9,7 +9,7 @@
 namespace sonocal {
 namespace {
 
-constexpr int kRounds = 6, kSteps = 5;
+constexpr int kLabelRounds = 6, kSteps = 5;
 // As many as hold the seven motions, and one to spare.
 constexpr std::size_t kLeastPairs = 5;
 
@@ -87,7 +87,7 @@ SettledLabels settle_labels(const LabelScene& scene, const std::vector<int>& fra
   std::vector<DotOnWire> before;
   for (const double within : {2 * reach, reach}) {
     before.clear();
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < kLabelRounds; ++round) {
       choose(scene, frames, out.a, within, out.pairs);
       if (out.pairs.size() < kLeastPairs || (round > 0 && same(before, out.pairs))) break;
       fit_pairs(scene, out.pairs, kSteps, out.a);
