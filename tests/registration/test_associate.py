@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from benchmarks.simulators import phantoms
+
 from sonocal import registration as reg
 from sonocal.errors import InputError
 from sonocal.registration.wire_symmetry import near_isometries
@@ -116,7 +116,9 @@ def test_bad_input_is_refused_in_a_sentence(change, said):
 
 
 def test_dots_in_one_place_fit_nothing():
-    found = reg.associate(np.ones((6, 2)), np.random.default_rng(0).normal(size=(3, 2, 3)), max_hypotheses=1000)
+    found = reg.associate(
+        np.ones((6, 2)), np.random.default_rng(0).normal(size=(3, 2, 3)), max_hypotheses=1000
+    )
     assert found.verdict == "nothing fits" and found.target_from_source is None
     empty = reg.associate(np.empty((0, 2)), np.random.default_rng(0).normal(size=(3, 2, 3)))
     assert empty.verdict == "nothing fits" and "<Association" in repr(empty)
