@@ -79,6 +79,8 @@ CODES = {
     # sweep
     "second-needle": "a second needle, or an echo, moves with the needle",
     "second-wall": "a second line runs along the wall",
+    "labels-ambiguous": "which dot is of which wire is not decided by the images",
+    "labels-unfinished": "the search for labels of wires ended early",
     "wrong-poses": "poses are inverted, transposed, or of another quaternion order",
     "images-used": "how many images took part",
     "no-pose": "detections without a valid pose",
@@ -183,6 +185,8 @@ CAUSES = {
     "wrong-end-of-needle",
     "second-needle",
     "second-wall",
+    "labels-ambiguous",
+    "labels-unfinished",
     "threshold-below-noise",
     "anisotropic-scale",
     "anisotropic-scale-far-off",

@@ -230,6 +230,28 @@ def crc64(h: Hostile) -> Any:
     return h.core.crc64(h.array(values, np.uint8), h.count(0, 2**64 - 1))
 
 
+def labels(h: Hostile) -> tuple[Any, Any, Any]:
+    """Dots of some frames, where each frame's begin, and the frames' wires."""
+    random, frames, wires = h.random, h.pick([1, 2, 5, 0]), h.pick([1, 2, 4, 9])
+    counts = random.integers(0, h.pick([1, 5, 12]), frames)
+    first = np.concatenate([[0], np.cumsum(counts)]) + (h.pick([0, 0, 1, -1]) if h.spoils() else 0)
+    points = random.uniform(0, 500, (int(counts.sum()), 2)) * h.pick([1.0, 1.0, 0.0, 1e50])
+    ends = random.uniform(-50, 50, (frames, wires, 2, 3)) * h.pick([1.0, 1.0, 0.0, 1e50])
+    return h.array(points), h.array(first, np.int32), h.array(ends)
+
+
+def search_labels(h: Hostile) -> Any:
+    most = h.pick([0, 100, 2000])
+    scales = h.number(0.0), h.number(h.pick([0.0, 0.24]))
+    reach = h.number(h.pick([1.0, 1e-6, 1e6]))
+    return h.core.search_labels(*labels(h), reach, h.count(1, 5), most, 1.0, *scales, h.count(0, 2**64 - 1))
+
+
+def settle_labels(h: Hostile) -> Any:
+    starts = h.random.normal(size=(h.pick([0, 1, 3]), 4, 4)) * h.pick([1.0, 0.0, 1e50])
+    return h.core.settle_labels(*labels(h), h.array(starts), h.number(h.pick([1.0, 1e-6, 1e6])))
+
+
 CALLS: dict[str, Callable[[Hostile], Any]] = {
     "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
     "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
@@ -256,6 +278,8 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "residual_vectors": residual_vectors,
     "stretch_length": stretch_length,
     "find_places": find_places,
+    "search_labels": search_labels,
+    "settle_labels": settle_labels,
     "BlobFilter": blobs,
     "study_trials": study_trials,
     "study_bounds": study_bounds,

@@ -206,8 +206,9 @@ def _score(settled: Settled) -> float:
 
 def _alike(one: Settled, other: Settled) -> bool:
     both = (one.labels >= 0) & (other.labels >= 0)
-    differ = np.count_nonzero(one.labels[both] != other.labels[both])
-    return bool(differ <= SAME_LABELS * max(np.count_nonzero(both), 1)) and bool(both.any())
+    count = int(np.count_nonzero(both))
+    differ = int(np.count_nonzero(one.labels[both] != other.labels[both]))
+    return count > 0 and differ <= SAME_LABELS * count
 
 
 def _open(rival: RivalLabels) -> str:

@@ -31,6 +31,7 @@ from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
 from sonocal.registration.robust import MINIMAL_ROWS
 from sonocal.sweep.candidates import Candidates, Mask
+from sonocal.sweep.labels import label_findings, labels_of, widened_mm
 from sonocal.sweep.options import of_calibrate, refuse_splits
 from sonocal.sweep.twin import Twin, find_twin, twin_findings
 
@@ -142,11 +143,18 @@ def calibrate_chosen(
     within_mm = most_mm if options.threshold_mm == "auto" else float(options.threshold_mm)
     table = kind(candidates, options, within_mm)
     total = max(sightings, table.shown)
-    transform, first = _settled(table, _first_consensus(table, total, start))
+    labels = labels_of(table) if start is None else None
+    begin = _first_consensus(table, total, start) if labels is None else labels.target_from_source
+    assert begin is not None
+    if options.threshold_mm in ("auto", most_mm):
+        table = kind(candidates, options, widened_mm(labels, within_mm))
+    transform, first = _settled(table, begin)
     table, settled = _looked_again(table, look_again, transform, first)
     chosen, twin = _upper(table, *settled, across)
     used = table.agreeing(chosen)
-    if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
+    if labels is None and used < _least_agreeing(
+        table, total
+    ):  # of a few images most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
     last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen), latency=None)
     calibration = calibrate(table.at(chosen), **last)
@@ -154,7 +162,9 @@ def calibrate_chosen(
         "no candidate or no pose": total - table.shown,
         f"no candidate near {table.wanted}": table.shown - used,
     }
-    calibration = calibration.with_findings([_report(table, used, total, reasons), *twin_findings(twin)])
+    calibration = calibration.with_findings(
+        [_report(table, used, total, reasons), *twin_findings(twin), *label_findings(labels)]
+    )
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
 
 
