@@ -99,9 +99,7 @@ class PhantomRegistration:
     @property
     def worst(self) -> LandmarkFit:
         """The landmark whose touch is furthest from it."""
-        return max(
-            (one for one in self.landmarks if one.distance_mm is not None), key=lambda one: one.distance_mm
-        )
+        return max(self.landmarks, key=lambda one: -1.0 if one.distance_mm is None else one.distance_mm)
 
     def within_95_mm(self, points_mm: Array) -> Array:
         """(N,) mm: what the registration moves points (N, 3) of the phantom by at most in 95 of 100 cases."""

@@ -113,8 +113,8 @@ def _places(landmarks: Sequence[Point]) -> Array:
 
 
 def _reference(recording: Recording) -> str:
-    named = [tool for tool in recording.tools if tool.lower() == "reference"]
-    return named[0] if named else "Tracker"
+    frames = [frame for poses in recording.poses.values() for frame in (poses.source, poses.target)]
+    return next((frame for frame in frames if frame.lower() == "reference"), "Tracker")
 
 
 def _times(recording: Recording) -> Array:

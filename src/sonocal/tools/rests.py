@@ -22,7 +22,7 @@ NOISES = 4.0
 SMOOTHED_S, LOOKED_S = 0.3, 0.7
 # Between two parts of one touch: poses that were lost, or a jerk.
 BRIDGED_S = 1.5
-LEAST_S, LEAST_SAMPLES = 0.6, 5
+LEAST_S, LEAST_SAMPLES = 0.3, 5
 # A fifth of normal places in space are nearer than so many deviations; second differences have six times the variance.
 # The least tenth of all differences is taken for the least fifth of those at rest, which are half of them.
 CHI3_FIFTH, SECOND = 1.0026, np.sqrt(6.0)
