@@ -33,6 +33,7 @@ ROOMS: dict[str, set[str]] = {
         "detection",
         "recording",
         "recording.formats",
+        "registration",
         "targets",
         "_core",
     },
