@@ -3,7 +3,7 @@
 python -m benchmarks.volumes [PART ...] [--seeds N] [--first-seed N]
 
 Parts: equal, exact, speed, large, left-out, smoothing, error; all of them where none is named. Real sweeps are read
-from ../shared/data; simulated ones are of a field whose grey level is known everywhere (`benchmarks.simulators.fields`).
+from ../shared/data; simulated ones are of a field whose grey level is known (`benchmarks.simulators.fields`).
 """
 
 from __future__ import annotations

@@ -36,10 +36,10 @@ class _Made(Frames):
 def _large_sweep(side: int, count: int) -> tuple[Recording, Any, dict[str, Any]]:
     """Images across a cube of so many voxels of 1 mm, tilted a little."""
     poses = np.tile(np.eye(4), (count, 1, 1))
-    poses[:, 0, 2], poses[:, 2, 0] = 0.1, -0.1
+    c, n = np.cos(0.1), np.sin(0.1)
+    poses[:, :3, :3] = [[c, 0, n], [0, 1, 0], [-n, 0, c]]
     poses[:, 2, 3] = np.linspace(0, side - 1, count)
     one = Poses.of("Probe", "Tracker", poses)
-    one.matrices[:, :3, :3] = np.linalg.qr(one.matrices[:, :3, :3])[0] * [-1, 1, -1]
     frames = _Made(count)
     matrix = np.diag([side / LARGE_PX, side / LARGE_PX, 1.0, 1.0])
     recording = Recording(np.arange(count) / 30, frames, {one.name: one}, ImageGeometry.of(frames, 2, "MF"))
