@@ -34,6 +34,7 @@ ROOMS: dict[str, set[str]] = {
         "detection",
         "recording",
         "recording.formats",
+        "registration",
         "targets",
         "_core",
     },

@@ -24,7 +24,7 @@ inline sonocal::Box box_of(const Low& low, std::size_t deep, std::size_t high, s
     require(sides[i] > 2 * static_cast<std::size_t>(layers) && sides[i] <= kMostSide + 2 * layers,
             "a box has between 1 and 2^14 voxels along each axis");
     require(std::abs(static_cast<double>(low.data()[i])) <= sonocal::kFarthest,
-            "a box lies beyond 2^24 voxels");
+            "a box lies beyond 2^20 voxels");
     box.lo[i] = low.data()[i];
     box.size[i] = static_cast<int>(sides[i]) - 2 * layers;
   }

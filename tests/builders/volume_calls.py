@@ -24,7 +24,7 @@ def scene(h: Hostile) -> tuple[Any, Any, Any, tuple[int, int, int]]:
     images = h.random.integers(0, np.iinfo(pixel).max, (count, height, width), dtype=pixel, endpoint=True)
     matrices = h.random.normal(size=(count, 3, 4)) * h.pick([0.3, 0.0, 1e-6, 1e6])
     matrices[..., 3] = h.random.uniform(-3, 12, (count, 3)) * h.pick([1, 1, 1, 1e9])
-    low = h.array(h.random.integers(-3, 3, 3) * h.pick([1, 1, 2**22]), np.int32)
+    low = h.array(h.random.integers(-3, 3, 3) * h.pick([1, 1, 2**19]), np.int32)
     shape = tuple(int(n) for n in h.random.integers(1, h.pick([2, 9, 20]), 3))
     return h.array(images, pixel), h.array(matrices), low, shape
 

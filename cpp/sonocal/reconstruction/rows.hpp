@@ -5,12 +5,12 @@
 
 namespace sonocal {
 
-// Of 64 bits: so many are behind the point. A step that is rounded there is off by 1e-6 voxels after 2^13 px.
-constexpr int kFraction = 32;
+// Of 64 bits: so many are behind the point. A step that is rounded there is off by 1e-8 voxels after 2^14 px.
+constexpr int kFraction = 40;
 constexpr std::int64_t kOneVoxel = std::int64_t{1} << kFraction;
 // Beyond so many voxels from the volume's origin nothing is inserted: what is added up stays far from
 // overflow.
-constexpr double kFarthest = 1 << 24;
+constexpr double kFarthest = 1 << 20;
 
 // Voxels lo <= i < lo + size, along x, y and z.
 struct Box {
@@ -23,7 +23,7 @@ struct Span {
   int row, first, last;
 };
 
-// Where the row's pixels lie: at + u step, in units of 2^-32 voxels.
+// Where the row's pixels lie: at + u step, in units of 2^-40 voxels.
 struct PixelRow {
   std::int64_t at[3];
   std::int64_t step[3];

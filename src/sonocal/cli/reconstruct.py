@@ -36,7 +36,7 @@ __all__ = ["reconstruct"]
 
 OWN = (
     *("spacing_mm", "bounds_mm", "reference", "interpolation", "compounding", "speckle", "longest_gap_mm"),
-    *("coverage", "axes", "threads"),
+    *("noise_mm", "noise_deg", "smooth", "coverage", "error", "axes", "threads"),
 )
 
 
@@ -79,7 +79,8 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
         "How images come to voxels": (
             *("interpolation", "compounding", "speckle", "longest_gap_mm", "mask", "like_plus", "threads"),
         ),
-        "What is written and shown": ("output", "coverage", "axes", "overwrite", "as_json"),
+        "What is known of the tracker": ("noise_mm", "noise_deg", "smooth"),
+        "What is written and shown": ("output", "coverage", "error", "axes", "overwrite", "as_json"),
     },
     examples=(
         "sonocal reconstruct sweep.igs.mha calibration.json -o volume.mha",
@@ -143,6 +144,18 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
     "--coverage", is_flag=True, help="Write how many values each voxel was given, too: VOLUME-coverage."
 )
 @click.option(
+    "--error", is_flag=True, help="Write how far off each voxel is (95 %, micrometres), too: VOLUME-error-um."
+)
+@click.option(
+    "--noise-mm", type=click.FloatRange(0), default=0.0, help="Of its poses, rms along each axis, mm."
+)
+@click.option(
+    "--noise-deg", type=click.FloatRange(0), default=0.0, help="Of its poses, rms about each axis, degrees."
+)
+@click.option(
+    "--smooth", is_flag=True, help="Take out of the poses what of that noise their steadiness shows."
+)
+@click.option(
     "--axes",
     type=click.Choice(["lps", "ras"]),
     default="lps",
@@ -178,9 +191,10 @@ def reconstruct(
     from sonocal.cli.formats import calibration_in
     from sonocal.reconstruction.store import beside_volume
 
-    if like_plus is not None and (wrong := typed((*OWN[:-2], "mask"))):
+    if like_plus is not None and (wrong := typed((*OWN[:-2], "threads", "mask"))):
         raise click.UsageError(f"{wrong[0]} is not for --like-plus, whose device set says all of it")
-    written = [output] + [beside_volume(output, "coverage")] * options["coverage"]
+    channels = {"coverage": "coverage", "error": "error-um"}
+    written = [output, *(beside_volume(output, name) for option, name in channels.items() if options[option])]
     _refuse_name(output)
     reserve(*written)
     loaded = calibration_in(calibration, choice_of(options))

@@ -116,12 +116,14 @@ def mapped(
         file.write(header)
         file.flush()
         _take_room(file.fileno(), len(header), size)
-        with mmap.mmap(file.fileno(), len(header) + size) as pages:
+        pages = mmap.mmap(file.fileno(), len(header) + size)
+        try:
             array = np.frombuffer(pages, dtype=dtype.newbyteorder("<"), offset=len(header)).reshape(shape)
             yield array, _release(pages, len(header) + size)
-            del array
             pages.flush()
-            with suppress(BufferError):  # an array that a failure's traceback still holds
+        finally:
+            array = np.empty(0)
+            with suppress(BufferError):  # of an array that a failure's traceback still holds
                 pages.close()
 
 

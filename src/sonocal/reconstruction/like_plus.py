@@ -81,7 +81,7 @@ def _every(placed: Placed, every: int) -> Placed:
 
 
 def _grid(placed: Placed, settings: PlusSettings) -> Grid:
-    """As PLUS finds it: from the least corner on, and so many voxels as fit, to the nearest, and one."""
+    """As PLUS finds it: from the least corner on, so many voxels as fit, and one."""
     if settings.origin_mm is not None and settings.extent is not None:
         return grid_of_size(settings.origin_mm, settings.spacing_mm, settings.extent, placed.name)
     low, high = np.zeros(2), np.array([placed.width - 1.0, placed.height - 1.0])
@@ -90,7 +90,7 @@ def _grid(placed: Placed, settings: PlusSettings) -> Grid:
         low, high = np.maximum(low, origin), np.minimum(high, origin + size)
     corners = placed.corners_mm(low, high).reshape(-1, 3)
     least, greatest = corners.min(axis=0), corners.max(axis=0)
-    size = np.floor((greatest - least) / settings.spacing_mm + 0.5) + 1
+    size = np.floor((greatest - least) / settings.spacing_mm + (0.0 if settings.truncates else 0.5)) + 1
     return grid_of_size(least, settings.spacing_mm, size, placed.name)
 
 

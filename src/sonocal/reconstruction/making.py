@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,8 @@ from sonocal.reconstruction.grid import Grid, given_spacing, grid_around, grid_w
 from sonocal.reconstruction.options import Options, options_of
 from sonocal.reconstruction.pieces import BYTES_A_VOXEL, SIDE, Batch, Piece, boxes_of, new_piece
 from sonocal.reconstruction.placed import Placed, image_matrix, place
-from sonocal.reconstruction.store import Store, in_file, in_memory
+from sonocal.reconstruction.store import Store, beside_volume, in_file, in_memory
+from sonocal.reconstruction.sureness import Repeated, error_image_um, refuse_unknown_error
 from sonocal.reconstruction.volume import Volume
 from sonocal.recording import Recording
 
@@ -60,13 +63,38 @@ def reconstruct(
     require("recording", recording, Recording)
     settings = options_of(options)
     matrix = image_matrix(calibration)
+    refuse_unknown_error(calibration, settings)
     placed = place(recording, matrix, settings)
     images = _crossing(placed, settings)
-    store = in_memory if path is None else in_file(Path(path))
-    left_out = len(recording) - len(placed)
-    with store(images.grid, placed, settings) as into:
-        filled = _fill(images, into, progress or (lambda done, total: None))
-    return into.volume(len(placed), left_out, filled)
+    report = progress or (lambda done, total: None)
+    with ExitStack() as stack:
+        into = stack.enter_context(_store(path)(images.grid, placed, settings))
+        filled = _fill(images, into, report)
+        errors = None
+        if settings.error:
+            errors = stack.enter_context(_store(path, "error-um")(*_error_channel(images)))
+            _fill(_of_errors(images, error_image_um(calibration, placed, settings)), errors, report)
+    volume: Volume = into.volume(len(placed), len(recording) - len(placed), filled)
+    return volume if errors is None else replace(volume, error_um=errors.read()[0])
+
+
+def _store(path: str | Path | None, what: str = "") -> Any:
+    if path is None:
+        return in_memory
+    return in_file(beside_volume(Path(path), what) if what else Path(path))
+
+
+def _error_channel(images: Crossing) -> tuple[Grid, Placed, Options]:
+    """What the store of errors is made for: as many voxels, of 16 bits."""
+    levels = Repeated(np.empty((images.placed.height, images.placed.width), np.uint16), 0)
+    return images.grid, replace(images.placed, frames=levels), replace(images.options, coverage=False)
+
+
+def _of_errors(images: Crossing, error_um: NDArray[np.uint16]) -> Crossing:
+    """The same images where each pixel shows how far off it is: they go the same way into voxels."""
+    frames = Repeated(error_um, len(images.placed.frames))
+    options = replace(images.options, speckle="kept", compounding="mean")
+    return replace(images, placed=replace(images.placed, frames=frames), options=options)
 
 
 def _crossing(placed: Placed, options: Options) -> Crossing:

@@ -25,7 +25,7 @@ CHOICES: dict[str, Any] = {
     "speckle": Speckle,
     "axes": Axes,
 }
-LENGTHS = ("longest_gap_mm", "smooth_mm", "smooth_deg")
+LENGTHS = ("longest_gap_mm", "noise_mm", "noise_deg")
 MOST_THREADS = 64
 
 
@@ -46,8 +46,8 @@ class Options:
         reference: the frame of the volume; None: "Reference" where it is tracked, else that of the tracker.
         fixed: constant ``(target, source) -> (4, 4)``, such as a device set's.
         on_invalid: what to do with poses marked valid that are not rigid: "raise" or "skip".
-        smooth_mm, smooth_deg: the tracker's own noise, rms along and about each axis; poses are smoothed by it. 0: as
-            they are.
+        noise_mm, noise_deg: the tracker's own noise, rms along and about each axis, for `smooth` and `error`.
+        smooth: take out of the poses what of that noise their steadiness shows.
         coverage: count the values of each voxel, too.
         error: predict how far off each voxel is (95 %), too.
         axes: of a file: how other programs are to read x, y, z: "lps", as PLUS writes them, or "ras".
@@ -65,8 +65,9 @@ class Options:
     reference: str | None = None
     fixed: Any = field(default=None, compare=False)
     on_invalid: OnInvalid = "raise"
-    smooth_mm: float = 0.0
-    smooth_deg: float = 0.0
+    noise_mm: float = 0.0
+    noise_deg: float = 0.0
+    smooth: bool = False
     coverage: bool = False
     error: bool = False
     axes: Axes = "lps"
@@ -92,6 +93,8 @@ class Options:
             raise InputError(
                 f"threads must be a whole number from 1 to {MOST_THREADS}; got {self.threads!r}"[:200]
             )
+        if self.smooth and not (self.noise_mm or self.noise_deg):
+            raise InputError("smooth must know the tracker's own noise; give noise_mm, noise_deg or both")
         if self.interpolation == "linear" and self.compounding != "mean":
             raise InputError(
                 f"compounding must be mean with linear interpolation, which spreads a pixel over voxels; got "

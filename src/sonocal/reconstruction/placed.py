@@ -14,6 +14,7 @@ from sonocal.errors import InputError, UnsupportedError
 from sonocal.existing import Existing
 from sonocal.geometry import Array, AxisScaled, Similarity, real_array
 from sonocal.reconstruction.options import Options
+from sonocal.reconstruction.smoothing import smoothed_poses
 from sonocal.recording import Frames, Poses, Recording
 
 __all__ = ["Placed", "image_matrix", "place", "reference_of"]
@@ -129,6 +130,8 @@ def place(recording: Recording, matrix: Array, options: Options, poses: Poses | 
     if poses is None:
         reference = reference_of(recording, options)
         poses = recording.between(reference, options.probe, options.fixed, options.on_invalid)
+        if options.smooth:
+            poses = smoothed_poses(poses, recording.times, options.noise_mm, options.noise_deg)
     usable = poses.valid & recording.image_valid
     if not usable.any():
         raise InputError(

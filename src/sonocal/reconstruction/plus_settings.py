@@ -24,6 +24,7 @@ COMPOUNDINGS = ("MEAN", "IMPORTANCE_MASK", "MAXIMUM", "LATEST")
 OPTIMIZATIONS = ("NONE", "PARTIAL", "FULL")
 DEFAULT_STOP_PX = 500.0
 MOST_STICK = 1 << 14
+OLD_VERSIONS = ("1.0", "2.0")
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,8 @@ class PlusSettings:
         every: images that one is taken of.
         importance: the file of the importance mask.
         sticks: how holes are filled, one way after the other.
+        truncates: that a volume around all images ends with the last whole voxel, as before PLUS 2.1, and not with the
+            nearest.
     """
 
     name: str
@@ -81,6 +84,7 @@ class PlusSettings:
     every: int
     importance: Path | None
     sticks: tuple[Sticks, ...]
+    truncates: bool
 
     __repr__ = brief
 
@@ -94,7 +98,8 @@ def read_plus_settings(path: str | Path) -> PlusSettings:
         UnsupportedError: it asks for what sonocal does not do as PLUS does.
     """
     path = path_of(path)
-    element = parse_xml(path.name, read_xml(path)).find("VolumeReconstruction")
+    root = parse_xml(path.name, read_xml(path))
+    element = root.find("VolumeReconstruction")
     if element is None:
         raise InputError(
             f"{path.name}: has no element VolumeReconstruction, which says how PLUS makes a volume"
@@ -124,6 +129,7 @@ def read_plus_settings(path: str | Path) -> PlusSettings:
         every=max(1, int(said.number("SkipInterval", 1))),
         importance=None if not importance else path.parent / importance,
         sticks=tuple(said.sticks()) if element.get("FillHoles", "OFF").upper() == "ON" else (),
+        truncates=root.get("version", "").strip() in OLD_VERSIONS,
     )
 
 

@@ -26,8 +26,8 @@ class Volume:
         left_out: how many had no valid pose.
         filled: voxels that an image was in.
         coverage: (z, y, x): values that each voxel was given; None where that was not asked for.
-        error_mm: (z, y, x): what 95 % of the voxels' places stay within, NaN where no image was; None where it was not
-            asked for.
+        error_um: (z, y, x): what 95 % of a voxel's places stay within, micrometres; 0 where no image was; None where
+            that was not asked for.
         source: of which recording.
     """
 
@@ -38,7 +38,7 @@ class Volume:
     left_out: int
     filled: int
     coverage: NDArray[np.uint16] | None = None
-    error_mm: NDArray[np.float32] | None = None
+    error_um: NDArray[np.uint16] | None = None
     source: str = "recording"
 
     def __repr__(self) -> str:
