@@ -20,6 +20,7 @@ from sonocal.cli.info import info
 from sonocal.cli.piped import without_spool
 from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
+from sonocal.cli.studio import studio
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
 from sonocal.cli.validate import validate
@@ -63,5 +64,5 @@ def main() -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
-for _command in (demo, sample, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
+for _command in (demo, sample, calibrate, *COMMANDS, tool, studio, validate, study, export, convert, info):
     main.add_command(_command)
