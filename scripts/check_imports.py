@@ -19,6 +19,16 @@ ROOMS: dict[str, set[str]] = {
     "cli": ALL,
     "cli.screen": ALL - {"cli"},
     "igtl": {"_core"},
+    "studio": {
+        "sweep",
+        "calibration",
+        "validation",
+        "detection",
+        "recording",
+        "observations",
+        "registration",
+        "targets",
+    },
     "studies": {
         "calibration",
         "observations",
@@ -76,7 +86,7 @@ MOST_AT_THE_ROOT = 5
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {
     *("scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL", "dask"),
-    *("pandas", "distributed", "c3d"),
+    *("pandas", "distributed", "c3d", "starlette", "uvicorn", "websockets"),
 }
 LAZY_EXEMPT = {"cli": {"click"}, "cli.screen": {"click", "rich"}}
 

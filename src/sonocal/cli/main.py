@@ -21,6 +21,7 @@ from sonocal.cli.piped import without_spool
 from sonocal.cli.reconstruct import reconstruct
 from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
+from sonocal.cli.studio import studio
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
 from sonocal.cli.validate import validate
@@ -70,6 +71,7 @@ for _command in (
     calibrate,
     *COMMANDS,
     tool,
+    studio,
     validate,
     study,
     export,
