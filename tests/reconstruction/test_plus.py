@@ -1,7 +1,5 @@
 """Volumes that are PLUS's, to the voxel."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from benchmarks.simulators.fields import path, probe_from_image, recorded
@@ -11,7 +9,6 @@ from sonocal import InputError, UnsupportedError
 from sonocal.existing import read_existing
 from sonocal.reconstruction import reconstruct_like_plus
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
 NWIRE = "recordings/PlusDeviceSet_NwirePhantomFreehand_vtkVolumeReconstructorTest2.xml"
 SPINE = "volumes/SpinePhantomFreehand.igs.mha"
 REFERENCES = [
@@ -28,13 +25,10 @@ HEAD = '<PlusConfiguration version="2.1"><CoordinateDefinitions/><VolumeReconstr
 
 
 @pytest.mark.parametrize(("sweep", "devices", "volume"), REFERENCES)
-def test_every_voxel_is_that_of_plus(sweep, devices, volume):
-    if not (DATA / volume).exists():
-        pytest.skip("../shared/data is absent")
-    there = sc.read_recording(DATA / volume)
-    made = reconstruct_like_plus(
-        sc.read_recording(DATA / sweep), read_existing(DATA / devices), DATA / devices
-    )
+def test_every_voxel_is_that_of_plus(data_folder, sweep, devices, volume):
+    there = sc.read_recording(data_folder / volume)
+    sweep, devices = sc.read_recording(data_folder / sweep), data_folder / devices
+    made = reconstruct_like_plus(sweep, read_existing(devices), devices)
     np.testing.assert_array_equal(made.values, there.frames[0])
     offset = np.array(there.fields["Offset"].split(), dtype=float)
     np.testing.assert_allclose(made.grid.origin_mm, offset, atol=5e-4)

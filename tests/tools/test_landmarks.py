@@ -12,7 +12,6 @@ from sonocal.recording.formats import read_recording
 from sonocal.targets import Point, read_device_set
 from sonocal.tools import Stylus, register_landmarks
 from sonocal.tools.rests import find_rests
-from tests.test_real_data import DATA
 
 QUICK = {"seconds": (1.5, 3.0)}
 
@@ -72,7 +71,7 @@ def test_errors_of_targets_are_those_of_fitzpatrick():
 
 def test_a_box_tells_no_order_unless_it_is_the_one_listed():
     times, poses, truth, _ = session_of(3, BOX, order=(3, 6, 0, 5, 2, 7, 1, 4))
-    with pytest.raises(DegenerateGeometryError, match="fit the landmarks in .* ways") as caught:
+    with pytest.raises(DegenerateGeometryError, match=r"fit the landmarks in .* ways") as caught:
         registered(times, poses, BOX)
     assert caught.value.code == "landmarks-ambiguous"
     times, poses, truth, _ = session_of(3, BOX, order=range(8))
@@ -139,7 +138,7 @@ def test_a_recording_without_rest_is_refused():
 
 def test_frozen_poses_are_no_rest():
     """A tracker that repeats itself while the stylus moves is no touch."""
-    times, poses, _, _ = session_of(7, order=range(8), false=0)
+    _, poses, _, _ = session_of(7, order=range(8), false=0)
     pose = Poses.of("Stylus", "Reference", np.repeat(poses[:1] * 1.0, 60, axis=0))
     stalled = Recording(np.arange(60) / 20, poses={pose.name: pose})
     points = [Point(str(i), "Phantom", place) for i, place in enumerate(EIGHT)]
@@ -159,9 +158,8 @@ def test_rests_are_found_where_they_are():
     np.testing.assert_allclose(second.point_mm, [50, 0, 0], atol=0.2)
 
 
-@pytest.mark.skipif(not DATA.exists(), reason="the real recordings are not here")
-def test_a_real_session_agrees_with_plus():
-    recordings = DATA / "recordings"
+def test_a_real_session_agrees_with_plus(data_folder):
+    recordings = data_folder / "recordings"
     devices = read_device_set(recordings / "PlusDeviceSet_fCal_Sim_RecordPhantomLandmarks.xml")
     plus = read_device_set(recordings / "PhantomRegistrationLandmarkDetection.results.xml")
     expected = plus.transforms["Reference", "Phantom"]
