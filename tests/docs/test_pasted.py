@@ -57,6 +57,7 @@ NOT_RUN = {
     ".venv/bin/python scripts/fuzz.py --seconds 60": "takes a minute",
     ".venv/bin/python scripts/fuzz_calls.py --of python --calls 20000": "takes minutes",
     ".venv/bin/python scripts/fuzz_calls.py --of files --each --calls 20000": "takes an hour",
+    ".venv/bin/python scripts/fuzz_calls.py --of igtl --calls 20000": "takes minutes",
     "python scripts/fuzz_calls.py --of files --each --calls 1000000 --counts counts": "takes a day",
     "PYTHON=.venv/bin/python scripts/sanitize": ".ci/run does",
     ".venv/bin/python -m pytest tests/calibration tests/laws/test_calibration.py": "these are tests",
