@@ -2,6 +2,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
+#include <cmath>
 #include <optional>
 #include <set>
 #include <vector>
@@ -82,6 +83,13 @@ Eigen::MatrixX2d by_unknown(const WhiteResiduals& white, const Options& options,
   return out;
 }
 
+// Of the parts that pixels and segment ends have in the variances' sum.
+double log_ratio(const WhiteResiduals& white, const Options& options) {
+  const double px = white.by_levels[0] * options.levels.px * options.levels.px;
+  const double mm = white.by_levels[1] * options.levels.mm * options.levels.mm;
+  return px > 0 && mm > 0 ? std::log(px / mm) : 0;
+}
+
 NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transform& at, const Options& asked,
                      const std::optional<Covariance>& covariance, const std::vector<Codes>& groupings,
                      const std::optional<Times>& time, bool known_px, bool known_mm) {
@@ -102,8 +110,8 @@ NoiseSums noise_sums(const BoundTable& bound, const Chosen& chosen, const Transf
     const std::size_t units =
         weighted ? std::set<std::int32_t>(white.row.begin(), white.row.end()).size() : white.row.size() / 2;
     shared = shared_errors(white, codes, static_cast<int>(units), of_tangent);
-    wider =
-        small_sample_covariance(white.jacobian, by_unknown(white, options, known_px, known_mm), of_tangent);
+    wider = small_sample_covariance(white.jacobian, by_unknown(white, options, known_px, known_mm),
+                                    of_tangent, log_ratio(white, options));
     if (times != nullptr) drift = drift_of(white, times, bound.target_codes(), of_tangent);
     const double px_share = white.by_level.col(0).mean() * options.levels.px * options.levels.px;
     apparent = apparent_of(white, px_share, wider.ratio_variance, of_tangent);

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.simulators.tank_scans import tank_scan
 
 import sonocal as sc
 from sonocal.calibration.options import Options
@@ -267,3 +268,14 @@ def test_images_of_a_needle_are_counted_as_images_and_of_wires_as_sightings(targ
     scattered = replace(table, points_px=rng.uniform(0, 500, (60, 2)))
     with pytest.raises(sc.NoConsensusError, match=rf"of 60 {unit}; 60 candidates in {60 // targets} images"):
         calibrate_candidates(scattered)
+
+
+def test_nine_wires_are_told_apart_among_fifteen_candidates():
+    """Of quadruples of candidates one in 150 000 is right: those found at random are refused."""
+    for seed in (2, 7):
+        scan = tank_scan(seed, "wires")
+        found = calibrate_recording(scan.recording, scan.targets, count=15)
+        assert found.used >= 0.5 * found.sightings
+        angle, distance, _ = similarity_errors(found.calibration.probe_from_image, scan.truth)
+        assert np.degrees(angle) < 1
+        assert distance < 1

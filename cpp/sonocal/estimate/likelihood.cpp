@@ -21,10 +21,6 @@ constexpr double kLeastLevel = 1e-34;     // squared, so that noise-free rows ha
 constexpr double kFreeMotion = 1e-12;     // of the greatest pivot, in coordinates of order one
 constexpr double kLeastRatio = 1e-10;     // of the two noises' shares in the residuals, squared
 constexpr double kRounding = 1e-24;       // variance, in coordinates of order one
-// How far, in standard deviations of its logarithm, the ratio of the two noises' shares in the residuals is
-// expected from one: wide enough to be forgotten when the data know better, and all there is when they do
-// not (few rows, or rows that all weigh the two alike).
-constexpr double kRatioSpread = 2.0;
 // The levels are two numbers: more sightings than this do not tell them better.
 constexpr int kSightingsForLevels = 20000;
 

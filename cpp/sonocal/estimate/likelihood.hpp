@@ -7,6 +7,11 @@
 
 namespace sonocal {
 
+// How far, as a standard deviation of its logarithm, the ratio of the two noises' shares in the residuals is
+// expected from one: wide enough to be forgotten when the data know better, and all there is when they do
+// not (few rows, or rows that all weigh the two alike).
+constexpr double kRatioSpread = 2.0;
+
 struct LikelihoodFit {
   Transform transform;
   NoiseLevels levels;         // px, mm

@@ -31,6 +31,7 @@ WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit,
   const Matrix3d linear = fit.transform.linear();
   std::vector<TangentRow<kParameters>> jacobian;
   std::vector<Vector2d> by_level;
+  double px = 0, mm = 0;          // parts of all variances' sum
   Matrix alike = Matrix::Zero();  // information if all rows weighed alike, which motions are judged by
   MixedBlocks blocks(noise, fit.transform, levels);
   IndependentBlock block;
@@ -45,6 +46,8 @@ WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit,
         const Eigen::Matrix<double, kParameters, 1> row =
             jacobian.back().transpose().template head<kParameters>();
         alike += row * row.transpose() / weight;
+        px += levels.px * block.alpha[k][i];
+        mm += levels.mm * block.beta[k][i];
         by_level.emplace_back(known.px > 0 ? 0.0 : levels.px * block.alpha[k][i] * weight,
                               known.mm > 0 ? 0.0 : levels.mm * block.beta[k][i] * weight);
       }
@@ -60,7 +63,8 @@ WiderCovariance covariance_as(const MixedNoise& noise, const LikelihoodFit& fit,
     return {TangentMatrix::Constant(kParameters, kParameters, std::numeric_limits<double>::quiet_NaN()), 0,
             0};
   const Ldlt<kParameters> information(Matrix(fit.information));
-  return small_sample_covariance(white, unknown, information.solve(Matrix(Matrix::Identity())));
+  return small_sample_covariance(white, unknown, information.solve(Matrix(Matrix::Identity())),
+                                 std::log(px / mm));
 }
 
 template <int kParameters>

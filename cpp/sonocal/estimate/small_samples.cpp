@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "sonocal/estimate/likelihood.hpp"
 #include "sonocal/linalg/small.hpp"
 
 namespace sonocal {
@@ -100,10 +101,42 @@ Scaled f_distribution(double size, double first, double second) {
   return {freedom / (mean * (freedom - 2)), freedom};
 }
 
+// What is known of the levels that were found, x_i their squares' logarithms in units of 1 / by_share.
+struct LevelErrors {
+  SmallMatrix square;         // the mean of the error's square
+  SmallVector bias;           // of that the mean, which the prior makes
+  double ratio_variance = 0;  // of the logarithm of their ratio
+};
+
+// The maximum of likelihood and prior is off by S (score + p), S = (I + P)^-1: the score has the variance I,
+// and p is the prior's slope. Rows that weigh the two alike leave them where the prior has them.
+LevelErrors errors_of(const SmallMatrix& information, const SmallVector& by_share, double log_ratio,
+                      const double (&difference)[kLevels]) {
+  constexpr double kPrecision = 1 / (kRatioSpread * kRatioSpread);
+  SmallMatrix both = information, bounded = information;
+  for (int i = 0; i < kLevels; ++i)
+    for (int j = 0; j < kLevels; ++j) {
+      both(i, j) += kPrecision * by_share[i] * by_share[j];
+      // Neither level is negative and both together make up the variance: their difference is within +-1 of
+      // it, however little the residuals say of it.
+      bounded(i, j) += difference[i] * difference[j] / kGreatestVariance;
+    }
+  const SmallMatrix s = pseudo_inverse(both), ratio = pseudo_inverse(bounded);
+  LevelErrors out{times(times(s, information), s), SmallVector::Zero(kLevels), 0};
+  for (int i = 0; i < kLevels; ++i)
+    for (int j = 0; j < kLevels; ++j) {
+      out.bias[i] -= s(i, j) * kPrecision * log_ratio * by_share[j];
+      out.ratio_variance += by_share[i] * ratio(i, j) * by_share[j];
+    }
+  for (int i = 0; i < kLevels; ++i)
+    for (int j = 0; j < kLevels; ++j) out.square(i, j) += out.bias[i] * out.bias[j];
+  return out;
+}
+
 }  // namespace
 
 WiderCovariance small_sample_covariance(const WhiteJacobian& jacobian, const Eigen::MatrixX2d& by_level,
-                                        const TangentMatrix& covariance) {
+                                        const TangentMatrix& covariance, double log_ratio) {
   Eigen::MatrixX2d levels(by_level.rows(), kLevels);
   int count = 0;
   SmallVector by_share(kLevels);  // the logarithm of the levels' ratio, by each level's part of the variance
@@ -121,29 +154,30 @@ WiderCovariance small_sample_covariance(const WhiteJacobian& jacobian, const Eig
     for (int j = 0; j < count; ++j)
       information(i, j) = 0.5 * (sums.inner[i][j] - 2 * trace_of_product(covariance, sums.cross[i][j]) +
                                  trace_of_product(share[i], share[j]));
-  if (count == 2) {
-    // Neither level is negative and both together make up the variance: their difference is within +-1 of it,
-    // however little the residuals say of it.
-    const double difference[] = {levels.col(0).mean(), -levels.col(1).mean()};
-    for (int i = 0; i < 2; ++i)
-      for (int j = 0; j < 2; ++j) information(i, j) += difference[i] * difference[j] / kGreatestVariance;
-  }
-  const SmallMatrix spread = pseudo_inverse(information);  // of the levels' squares
+  LevelErrors errors;
   TangentMatrix wider = covariance;
+  if (count == kLevels) {
+    errors = errors_of(information, by_share, log_ratio, {levels.col(0).mean(), -levels.col(1).mean()});
+    // What the prior made of the covariance, undone: C is a sum of what each level's noise makes of it.
+    for (int i = 0; i < kLevels; ++i) {
+      const double size = 1 / std::abs(by_share[i]), undone = std::expm1(-errors.bias[i] / size);
+      wider += undone * size * times(covariance, share[i]);
+    }
+  } else {
+    errors.square = pseudo_inverse(information);
+    errors.ratio_variance = by_share[0] * by_share[0] * errors.square(0, 0);
+  }
   double first = 0, second = 0;
   for (int i = 0; i < count; ++i)
     for (int j = 0; j < count; ++j) {
       const TangentMatrix hidden = sums.cross[i][j] - times(share[i], sums.pull[j]);
-      wider += 2 * spread(i, j) * times(times(covariance, hidden), covariance);
-      first += spread(i, j) * share[i].trace() * share[j].trace();
-      second += spread(i, j) * trace_of_product(share[i], share[j]);
+      wider += 2 * errors.square(i, j) * times(times(covariance, hidden), covariance);
+      first += errors.square(i, j) * share[i].trace() * share[j].trace();
+      second += errors.square(i, j) * trace_of_product(share[i], share[j]);
     }
   const TangentMatrix symmetric = 0.5 * (wider + wider.transpose());
   const Scaled scaled = f_distribution(static_cast<double>(covariance.rows()), first, second);
-  double ratio_variance = 0;
-  for (int i = 0; i < count; ++i)
-    for (int j = 0; j < count; ++j) ratio_variance += by_share[i] * spread(i, j) * by_share[j];
-  return {symmetric / scaled.factor, scaled.freedom, ratio_variance};
+  return {symmetric / scaled.factor, scaled.freedom, errors.ratio_variance};
 }
 
 }  // namespace sonocal

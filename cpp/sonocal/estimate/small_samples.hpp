@@ -19,7 +19,11 @@ struct WiderCovariance {
 // with V the residuals' covariance, linear in the levels' squares, its derivatives (columns of `by_level`, M
 // x L, of the log variances by the squares' logarithms) give both a larger covariance and the freedom of the
 // F distribution that fits the Mahalanobis distances' mean and variance. Source: Kenward and Roger 1997.
+//
+// Where both levels are estimated their prior (kRatioSpread) has a part in them: `log_ratio`, of the parts
+// that they have in all variances' sum, is what it draws to 0, and by that their errors and the covariance
+// follow.
 WiderCovariance small_sample_covariance(const WhiteJacobian& jacobian, const Eigen::MatrixX2d& by_level,
-                                        const TangentMatrix& covariance);
+                                        const TangentMatrix& covariance, double log_ratio);
 
 }  // namespace sonocal

@@ -36,8 +36,9 @@ struct WhiteResiduals {
       shift;  // M x 3: derivative by a shift of the line
   // M x 2: derivative of the log of what was each residual's variance by the levels' squares, px^2 and mm^2.
   Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> by_level;
-  Eigen::VectorXd residual;       // M
-  std::vector<std::int32_t> row;  // M: a table row of the sighting
+  Vector2d by_levels = Vector2d::Zero();  // derivative of the sum of all these variances
+  Eigen::VectorXd residual;               // M
+  std::vector<std::int32_t> row;          // M: a table row of the sighting
   // k x k, of J'J: what noise alone is expected to give, of pixels and of segment ends. Rows that leave a
   // motion free have no more than that of it. Zero where levels are not known (geometric weights).
   TangentMatrix from_noise[2];

@@ -95,7 +95,11 @@ class WhiteRows {
   void put(const WhiteRow& row, const Reaches& reaches, double a, double b) {
     const auto to = static_cast<Eigen::Index>(out_.row.size());
     const double root = std::sqrt(row.weight);
-    if (!alike_) out_.by_level.row(to) << row.alpha * px_ * row.weight, row.beta * mm_ * row.weight;
+    if (!alike_) {
+      const Vector2d by_levels(row.alpha * px_, row.beta * mm_);
+      out_.by_level.row(to) = row.weight * by_levels.transpose();
+      out_.by_levels += by_levels;
+    }
     out_.residual[to] = root * row.residual;
     const auto jacobian = residual_jacobian<kParameters>(row.normal, row.x, row.h, linear_);
     for (int c = 0; c < kParameters; ++c) {
