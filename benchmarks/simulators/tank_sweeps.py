@@ -1,13 +1,12 @@
-"""Recordings of a thread, a crossing of two or a floor that rests in the room, over which a hand leads a probe."""
+"""Recordings of a thread, a crossing of two or a floor that rests in the room, over which a probe is led."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from benchmarks.simulators.mixes import Array
-from benchmarks.simulators.places import Noise, Sweep
+from benchmarks.simulators.places import Noise, Sweep, sweep
 from benchmarks.simulators.places_hand import IMAGE_PX, SCALE_MM_PER_PX, Kind
-from benchmarks.simulators.tank import RATE_HZ, tank_sweep
 from benchmarks.simulators.tank_images import Tank, Thread, Wall, tank_image
 from benchmarks.simulators.tank_probe import Probe
 from sonocal.recording import ArrayFrames, ImageGeometry, Poses, Recording
@@ -15,6 +14,7 @@ from sonocal.recording.model import Provenance
 
 __all__ = ["tank_recording"]
 
+RATE_HZ = 20.0
 HALF_MM = 60.0
 """Of a thread."""
 STRENGTH = 2.0
@@ -35,7 +35,7 @@ def tank_recording(
         tilt_deg: the image's largest tilt, of each of two.
     """
     tank, random = tank or Tank(), np.random.default_rng([seed, 11])
-    scene, time_s = tank_sweep(kind, seed, frames=frames, noise=Noise(px=0.0), tilt_deg=tilt_deg)
+    scene = sweep(kind, frames, seed, Noise(px=0.0), tilt_deg=tilt_deg)
     first = np.unique(scene.frame, return_index=True)[1]
     image_from_probe = np.linalg.inv(_in_mm(scene))
     images = []
@@ -45,7 +45,7 @@ def tank_recording(
     stack = ArrayFrames(np.array(images))
     poses = Poses.of("Probe", "Tracker", np.linalg.inv(scene.poses[first]))
     recording = Recording(
-        times=time_s[first],
+        times=np.arange(frames) / RATE_HZ,
         frames=stack,
         poses={"ProbeToTracker": poses},
         image=ImageGeometry.of(stack),
