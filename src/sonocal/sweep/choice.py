@@ -29,6 +29,7 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.cards import card
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
+from sonocal.registration import Association
 from sonocal.sweep.agreeing import ENOUGH, Agreeing
 from sonocal.sweep.candidates import Candidates, Mask
 from sonocal.sweep.labels import label_findings, labels_of, widened_mm
@@ -206,8 +207,10 @@ def _last_threshold(table: Candidates, chosen: Mask) -> float | Literal["auto"]:
     return table.within_mm
 
 
-def _least_agreeing(table: Candidates, total: int) -> float:
-    """Sightings without which a calibration is no answer."""
+def _least_agreeing(table: Candidates, total: int, labels: Association | None = None) -> float:
+    """Sightings without which a calibration is no answer; labels that are sure say enough by themselves."""
+    if labels is not None and labels.verdict == "found":
+        return 0.0
     return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), table.least_share * total)
 
 
