@@ -18,6 +18,17 @@ ROOMS: dict[str, set[str]] = {
     "__main__": {"cli"},
     "cli": ALL,
     "cli.screen": ALL - {"cli"},
+    "igtl": {"_core"},
+    "studio": {
+        "sweep",
+        "calibration",
+        "validation",
+        "detection",
+        "recording",
+        "observations",
+        "registration",
+        "targets",
+    },
     "studies": {
         "calibration",
         "observations",
@@ -27,8 +38,18 @@ ROOMS: dict[str, set[str]] = {
         "validation",
         "_core",
     },
+    "reconstruction": {
+        "existing",
+        "calibration",
+        "detection",
+        "recording",
+        "recording.formats",
+        "registration",
+        "targets",
+        "_core",
+    },
     "simulation": {"recording", "recording.formats", "observations", "targets"},
-    "export": {"existing", "calibration", "validation"},
+    "export": {"existing", "calibration", "validation", "targets"},
     "report": {"calibration", "validation", "observations", "registration"},
     "existing": {"validation", "calibration", "setup_checks", "registration", "observations", "targets"},
     "validation": {"calibration", "setup_checks", "observations", "registration"},
@@ -43,9 +64,9 @@ ROOMS: dict[str, set[str]] = {
     },
     "calibration": {"setup_checks", "observations", "registration", "targets"},
     "setup_checks": {"observations", "registration"},
+    "tools": {"recording", "registration", "targets"},
     "detection": {"recording", "recording.formats", "_core"},
     "registration": {"_core"},
-    "tools": {"recording", "targets"},
     "recording.formats": {"recording"},
     "recording": {"targets"},
     "observations": {"targets"},
@@ -65,7 +86,7 @@ MOST_AT_THE_ROOT = 5
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {
     *("scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL", "dask"),
-    *("pandas", "distributed", "c3d"),
+    *("pandas", "distributed", "c3d", "starlette", "uvicorn", "websockets"),
 }
 LAZY_EXEMPT = {"cli": {"click"}, "cli.screen": {"click", "rich"}}
 

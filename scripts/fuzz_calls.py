@@ -1,9 +1,10 @@
-"""Call the core, the package's face or its readers with what is hostile: each may only answer, or refuse in a sentence.
+"""Call the core, the package's face, its readers or its codec with what is hostile: they answer, or refuse in words.
 
     scripts/sanitize                                             a build with sanitizers, and some calls of it
     python scripts/fuzz_calls.py --calls 100000 --module build/sanitize/_core.*.so
     python scripts/fuzz_calls.py --of python --calls 1000000     functions, files and commands
     python scripts/fuzz_calls.py --of files --each --calls 1000000 --counts DIR    so many damaged files of each reader
+    python scripts/fuzz_calls.py --of igtl --calls 1000000       messages of OpenIGTLink
     python scripts/fuzz_calls.py --only 4711                     that call alone
 
 Lengths that differ, codes below 0 or huge, NaN, infinities, 1e300, no rows, strides, other types, extreme options,
@@ -49,6 +50,7 @@ KINDS = {
     "core": "tests.builders.core_calls",
     "python": "tests.builders.python_calls",
     "files": "tests.builders.file_calls",
+    "igtl": "tests.builders.igtl_calls",
 }
 
 

@@ -6,30 +6,23 @@ NumPy and SciPy alone: what judges an estimator shares nothing with it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.simulators.mixes import Array
+from benchmarks.simulators.places_hand import (
+    DEPTH_PX,
+    IMAGE_PX,
+    SCALE_MM_PER_PX,
+    Hand,
+    Kind,
+    directions,
+    scan,
+)
 
-__all__ = [
-    "IMAGE_PX",
-    "SPANS",
-    "Kind",
-    "Noise",
-    "Sweep",
-    "directions",
-    "image_home",
-    "image_points",
-    "in_image",
-    "shaken",
-    "sweep",
-]
+__all__ = ["SPANS", "Noise", "Sweep", "image_corners", "image_points", "shaken", "sweep"]
 
-Kind = Literal["point", "line", "plane"]
-IMAGE_PX = (500, 500)
-SCALE_MM_PER_PX = 0.2
 SPANS = {"point": 1, "line": 2, "plane": 3}
 
 
@@ -71,10 +64,16 @@ class Sweep:
 
 
 def image_points(dimension: int = 2) -> Array:
-    """(25, 3) or (50, 3), px: evenly over the image, or over the volume's two ends."""
-    u, v = np.meshgrid(np.linspace(0, IMAGE_PX[0], 5), np.linspace(0, IMAGE_PX[1], 5))
-    flat = np.column_stack([u.ravel(), v.ravel(), np.zeros(u.size)])
-    return flat if dimension == 2 else np.vstack([flat, flat + np.array([0, 0, 300.0])])
+    """(100, 3) or (500, 3), px: evenly over the image, or the volume; middles of equal parts of it."""
+    u, v = ((np.arange(10) + 0.5) / 10 * size for size in IMAGE_PX)
+    w = np.zeros(1) if dimension == 2 else (np.arange(5) + 0.5) / 5 * DEPTH_PX
+    return np.stack(np.meshgrid(u, v, w), axis=-1).reshape(-1, 3)
+
+
+def image_corners() -> Array:
+    """(4, 3), px."""
+    u, v = np.meshgrid([0.0, IMAGE_PX[0]], [0.0, IMAGE_PX[1]])
+    return np.column_stack([u.ravel(), v.ravel(), np.zeros(4)])
 
 
 def sweep(
@@ -103,7 +102,7 @@ def sweep(
         yaw_deg: the largest turn about the vertical.
         tracked: the target is held in a tracked tool's frame that moves.
         dimension: of the image.
-        motion: "free", or a degenerate one: "translation", "one-axis", "yaw", "about-target", "pivot".
+        motion: "free", or one of `places_hand.MOTIONS`, which leave something open.
         points_each: of a frame.
     """
     random = np.random.default_rng([seed, frames, SPANS[kind], dimension])
@@ -115,8 +114,8 @@ def sweep(
     middle = random.normal(size=3) * 200 + [0, 0, -1200]
     place = np.array([middle, middle + 50 * along, middle + 50 * across])[: SPANS[kind]]
     each = points_each or (2 if kind == "plane" or (kind == "line" and dimension == 3) else 1)
-    hand = _Hand(kind, motion, tilt_deg, yaw_deg, dimension, each)
-    points, poses = _scan(hand, truth, (middle, along, across), frames, random)
+    hand = Hand(kind, motion, tilt_deg, yaw_deg, dimension, each)
+    points, poses = scan(hand, truth, (middle, along, across), frames, random)
     local = np.eye(4)
     if tracked:  # a tool's marker with the target fixed to it; the poses of the scan are seen from the tool
         local[:3, :3], local[:3, 3] = (
@@ -134,7 +133,7 @@ def sweep(
         points = points + random.normal(size=points.shape) * noise.px * np.r_[1, 1, dimension == 3]
     else:
         measured = probe_from_target
-    low, high = np.zeros(3), np.array([*IMAGE_PX, 300.0 if dimension == 3 else 0.0])
+    low, high = np.zeros(3), np.array([*IMAGE_PX, DEPTH_PX if dimension == 3 else 0.0])
     anywhere = random.uniform(low, np.where(high > 0, high, 1), size=points.shape) * (high > 0)
     points = np.where(is_wrong[:, None, None], anywhere, points)
     repeat = np.repeat(np.arange(frames), each)
@@ -149,104 +148,6 @@ def sweep(
         is_wrong[repeat],
         dimension,
     )
-
-
-def directions(kind: Kind, random: np.random.Generator) -> tuple[Array, Array]:
-    """Along the target, or in it: a thread lies nearly flat, a floor is level."""
-    if kind == "plane":
-        tip = Rotation.from_rotvec(random.normal(size=3) * np.deg2rad([3, 3, 0])).as_matrix()
-        return tip[:, 0], tip[:, 1]
-    angle = random.uniform(0, np.pi)
-    along = np.array([np.cos(angle), np.sin(angle), random.normal() * 0.2])
-    along /= np.linalg.norm(along)
-    return along, np.cross(along, [0, 0, 1.0])
-
-
-@dataclass(frozen=True)
-class _Hand:
-    """How the probe is led."""
-
-    kind: Kind
-    motion: str
-    tilt_deg: float
-    yaw_deg: float
-    dimension: int
-    each: int
-
-    def turn(self, along: Array, axis: Array, random: np.random.Generator) -> Array:
-        """(3, 3): of the image from where nothing turns it."""
-        tilts = np.deg2rad(random.uniform(-self.tilt_deg, self.tilt_deg, 2))
-        share = 0.25 if self.kind == "line" else 1
-        yaw = np.deg2rad(random.uniform(-self.yaw_deg, self.yaw_deg) * share)
-        turns = {
-            "translation": Rotation.identity(),
-            "one-axis": Rotation.from_rotvec(axis * tilts[0]),
-            "yaw": Rotation.from_euler("z", yaw),
-            "about-target": Rotation.from_rotvec(along * tilts[0]),
-        }
-        return np.asarray(turns.get(self.motion, Rotation.from_euler("zxy", [yaw, *tilts])).as_matrix())
-
-    def pixel(self, random: np.random.Generator) -> Array:
-        """(3,): where the target is seen."""
-        pixel, margin = np.zeros(3), 0.15 * np.array(IMAGE_PX)
-        pixel[:2] = random.uniform(margin, np.array(IMAGE_PX) - margin)
-        if self.dimension == 3:
-            pixel[2] = random.uniform(30, 270)
-        if self.motion == "pivot":
-            pixel[:2] = np.array(IMAGE_PX) * [0.5, 0.9]
-        return pixel
-
-
-def _scan(
-    hand: _Hand, truth: Array, target: tuple[Array, Array, Array], frames: int, random: np.random.Generator
-) -> tuple[Array, Array]:
-    """Pixels (F, each, 3) and tracker poses inverted (F, 4, 4): the image over the target, from above."""
-    (middle, along, across), kind, each = target, hand.kind, hand.each
-    linear, points, poses = truth[:3, :3] / SCALE_MM_PER_PX, [], []
-    home = image_home(along)
-    axis = random.normal(size=3)
-    axis /= np.linalg.norm(axis)
-    for _ in range(frames):
-        image = hand.turn(along, axis, random) @ home  # image axes in the room
-        rotation = image @ linear.T  # room from probe
-        pixel = hand.pixel(random)
-        there = middle + along * random.uniform(-40, 40) * (kind != "point")
-        if kind == "plane":
-            there = there + across * random.uniform(-40, 40)
-        pose = np.eye(4)
-        pose[:3, :3] = rotation
-        pose[:3, 3] = there - rotation @ (truth[:3, :3] @ pixel + truth[:3, 3])
-        shown = [pixel]
-        if each > 1:
-            step = in_image(kind, image, along, across) * random.uniform(60, 150)
-            shown = (
-                [pixel - step, pixel + step]
-                if each == 2
-                else [pixel + step * k for k in np.linspace(-1, 1, each)]
-            )
-        points.append(shown)
-        poses.append(np.linalg.inv(pose))
-    return np.array(points), np.array(poses)
-
-
-def image_home(along: Array) -> Array:
-    """(3, 3): the image's axes in the room, v down into the tank, u across the thread, where nothing turns it."""
-    wanted = np.column_stack([np.cross(along, [0, 0, -1.0]), [0, 0, -1.0], -along])
-    home, _ = np.linalg.qr(wanted)
-    home = home * np.sign(np.sum(home * wanted, axis=0))
-    if np.linalg.det(home) < 0:
-        home[:, 2] *= -1
-    return home
-
-
-def in_image(kind: Kind, image: Array, along: Array, across: Array) -> Array:
-    """A direction of the image (unit, px) that lies in the target."""
-    if kind == "plane":
-        normal = image.T @ np.cross(along, across)
-        step = np.array([normal[1], -normal[0], 0.0])
-    else:
-        step = image.T @ along
-    return step / np.linalg.norm(step)
 
 
 def shaken(poses: Array, noise: Noise, random: np.random.Generator) -> Array:

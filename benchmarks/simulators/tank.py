@@ -6,17 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.simulators.mixes import Array
-from benchmarks.simulators.places import (
-    IMAGE_PX,
-    SPANS,
-    Kind,
-    Noise,
-    Sweep,
-    directions,
-    image_home,
-    in_image,
-    shaken,
-)
+from benchmarks.simulators.places import SPANS, Noise, Sweep, shaken
+from benchmarks.simulators.places_hand import IMAGE_PX, Kind, directions, image_home, in_image
 
 __all__ = ["tank_sweep"]
 

@@ -20,6 +20,10 @@ NB_MODULE(_core, m) {
   bind_certificate(m);
   bind_noise(m);
   bind_places(m);
+  bind_labels(m);
   bind_detection(m);
   bind_study(m);
+  bind_igtl(m);
+  bind_volumes(m);
+  bind_plus(m);
 }

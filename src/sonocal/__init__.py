@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from sonocal.findings import Diagnostic
     from sonocal.geometry import AxisScaled, Similarity
     from sonocal.observations import Observations, read_observations, write_observations
+    from sonocal.reconstruction import Volume, reconstruct
     from sonocal.recording import Recording
     from sonocal.recording.formats import read_recording, write_recording
     from sonocal.sweep import calibrate_recording
@@ -40,12 +41,14 @@ __all__ = [
     "Similarity",
     "SonocalError",
     "UnsupportedError",
+    "Volume",
     "__version__",
     "calibrate",
     "calibrate_recording",
     "load",
     "read_observations",
     "read_recording",
+    "reconstruct",
     "write_observations",
     "write_recording",
 ]
@@ -64,6 +67,7 @@ _ROOMS = {
     "findings": ("Diagnostic",),
     "geometry": ("AxisScaled", "Similarity"),
     "observations": ("Observations", "read_observations", "write_observations"),
+    "reconstruction": ("Volume", "reconstruct"),
     "recording": ("Recording",),
     "recording.formats": ("read_recording", "write_recording"),
     "sweep": ("calibrate_recording",),
@@ -76,6 +80,7 @@ _FURTHER = (
     "detection",
     "existing",
     "export",
+    "igtl",
     "registration",
     "report",
     "setup_checks",

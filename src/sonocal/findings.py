@@ -79,6 +79,8 @@ CODES = {
     # sweep
     "second-needle": "a second needle, or an echo, moves with the needle",
     "second-wall": "a second line runs along the wall",
+    "labels-ambiguous": "which dot is of which wire is not decided by the images",
+    "labels-unfinished": "the search for labels of wires ended early",
     "wrong-poses": "poses are inverted, transposed, or of another quaternion order",
     "images-used": "how many images took part",
     "no-pose": "detections without a valid pose",
@@ -107,13 +109,20 @@ CODES = {
     # tools
     "repeated-poses": "poses repeat others to the last digit",
     "little-tilt": "the tool was hardly tilted",
-    "large-residual": "the tip moves about the pivot",
+    "large-residual": "the tip moves about the pivot, or touches lie far from their landmarks",
     "slipped-tip": "the tip left its divot",
     "tip-off-axis": "the tip lies beside the axis",
     "ends-unknown": "the needle's ends are not known",
     "short-needle": "the needle's two points are close together",
     "little-turn": "the tool hardly turned about its axis",
     "wobbling-axis": "the axis wobbles",
+    "landmarks-ambiguous": "touches fit a phantom's landmarks in several ways",
+    "landmarks-missing": "landmarks of a phantom were not touched",
+    "landmark-off": "a landmark lies off where all others put it",
+    "landmark-scale": "a phantom is larger or smaller than it is said to be",
+    "few-landmarks": "a phantom's place rests on few landmarks",
+    "rests-elsewhere": "the tip rested at no landmark",
+    "stylus-tip-off": "a stylus' tip is not where it is said to be",
     # validation
     "not-computed": "a quantity could not be computed",
     "points-off": "points are further from where they are known to be than predicted",
@@ -157,6 +166,7 @@ REFUSALS = {
     "not-a-spin": "the tool turned about more than one axis",
     "points-too-close": "the needle's two points are one within their noise",
     "moving": "the stylus moved during the touch",
+    "landmarks-ambiguous": "touches fit a phantom's landmarks in several ways",
 }
 
 # Codes of findings that explain others: many rows left out, a weak motion, a drift. They are read first.
@@ -183,6 +193,8 @@ CAUSES = {
     "wrong-end-of-needle",
     "second-needle",
     "second-wall",
+    "labels-ambiguous",
+    "labels-unfinished",
     "threshold-below-noise",
     "anisotropic-scale",
     "anisotropic-scale-far-off",

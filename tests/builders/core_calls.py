@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tests.builders.hostile import Hostile
+from tests.builders.volume_calls import VOLUME_CALLS
 
 REFUSALS = (ValueError, TypeError)
 SOLVERS = ["closed_form", "paper_four_points", "paper_two_lines", "linear"]
@@ -224,6 +225,33 @@ def find_places(h: Hostile) -> Any:
     )
 
 
+def crc64(h: Hostile) -> Any:
+    values = h.random.integers(0, 256, h.pick([0, 1, 7, 8, 9, 100, 4099]))
+    return h.core.crc64(h.array(values, np.uint8), h.count(0, 2**64 - 1))
+
+
+def labels(h: Hostile) -> tuple[Any, Any, Any]:
+    """Dots of some frames, where each frame's begin, and the frames' wires."""
+    random, frames, wires = h.random, h.pick([1, 2, 5, 0]), h.pick([1, 2, 4, 9])
+    counts = random.integers(0, h.pick([1, 5, 12]), frames)
+    first = np.concatenate([[0], np.cumsum(counts)]) + (h.pick([0, 0, 1, -1]) if h.spoils() else 0)
+    points = random.uniform(0, 500, (int(counts.sum()), 2)) * h.pick([1.0, 1.0, 0.0, 1e50])
+    ends = random.uniform(-50, 50, (frames, wires, 2, 3)) * h.pick([1.0, 1.0, 0.0, 1e50])
+    return h.array(points), h.array(first, np.int32), h.array(ends)
+
+
+def search_labels(h: Hostile) -> Any:
+    most = h.pick([0, 100, 2000])
+    scales = h.number(0.0), h.number(h.pick([0.0, 0.24]))
+    reach = h.number(h.pick([1.0, 1e-6, 1e6]))
+    return h.core.search_labels(*labels(h), reach, h.count(1, 5), most, 1.0, *scales, h.count(0, 2**64 - 1))
+
+
+def settle_labels(h: Hostile) -> Any:
+    starts = h.random.normal(size=(h.pick([0, 1, 3]), 4, 4)) * h.pick([1.0, 0.0, 1e50])
+    return h.core.settle_labels(*labels(h), h.array(starts), h.number(h.pick([1.0, 1e-6, 1e6])))
+
+
 CALLS: dict[str, Callable[[Hostile], Any]] = {
     "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
     "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
@@ -250,9 +278,13 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "residual_vectors": residual_vectors,
     "stretch_length": stretch_length,
     "find_places": find_places,
+    "search_labels": search_labels,
+    "settle_labels": settle_labels,
     "BlobFilter": blobs,
     "study_trials": study_trials,
     "study_bounds": study_bounds,
+    "crc64": crc64,
+    **VOLUME_CALLS,
     "kernel": lambda h: len(h.core.kernel()),
 }
 # What the calls above make or are given.

@@ -142,14 +142,14 @@ def test_a_target_that_is_not_where_it_was_said_to_be_is_told():
     assert found.targets["thread"].said_off_mm < 2
 
 
-@pytest.mark.parametrize("motion", ["translation", "one-axis"])
+@pytest.mark.parametrize("motion", ["translation", "about one axis"])
 def test_a_motion_that_is_missing_is_refused_with_the_tables_name(motion):
     table = unplaced_table(sweep("line", 40, 1, Noise(), motion=motion), source="tank.csv")
     with pytest.raises(
         DegenerateGeometryError, match=r"^tank.csv: the target's place is not known, and the probe"
     ) as refused:
         sc.calibrate(table, targets=[unknown("line")])
-    assert refused.value.code == f"unplaced-{motion}"
+    assert refused.value.code == f"unplaced-{motion.removeprefix('about ').replace(' ', '-')}"
 
 
 def test_what_cannot_be_is_refused_in_a_sentence():

@@ -36,7 +36,11 @@ INSTEAD = {
 NOT_RUN = {
     "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the page's sweep is "
     "short and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
+    "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml": "needs a session of a "
+    "stylus; tests/cli/test_landmarks.py has one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",
+    "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus-volume.xml -o as-plus.mha": "a device set that "
+    "says how PLUS makes volumes; tests/reconstruction/test_plus.py has PLUS's own",
     "python3 -m venv .venv": "makes an environment: scripts/environment.sh does, before any test",
     "source .venv/bin/activate": "changes the reader's shell",
     "pip install '.[report]'": "compiles for minutes: scripts/environment.sh does, before any test",
@@ -53,6 +57,7 @@ NOT_RUN = {
     ".venv/bin/python scripts/fuzz.py --seconds 60": "takes a minute",
     ".venv/bin/python scripts/fuzz_calls.py --of python --calls 20000": "takes minutes",
     ".venv/bin/python scripts/fuzz_calls.py --of files --each --calls 20000": "takes an hour",
+    ".venv/bin/python scripts/fuzz_calls.py --of igtl --calls 20000": "takes minutes",
     "python scripts/fuzz_calls.py --of files --each --calls 1000000 --counts counts": "takes a day",
     "PYTHON=.venv/bin/python scripts/sanitize": ".ci/run does",
     ".venv/bin/python -m pytest tests/calibration tests/laws/test_calibration.py": "these are tests",

@@ -176,6 +176,7 @@ def test_reprs_say_what_is_in_them(shown):
 UNIT = re.compile(r"_(mm|px|s|ms|deg|hz|mm_per_px)$")
 # Numbers without a unit.
 BARE = {
+    "ratio",
     "confidence",
     "score",
     "correlation",

@@ -116,7 +116,7 @@ def test_as_many_frames_off_as_the_search_stands_are_found_out():
     ("motion", "code", "said"),
     [
         ("translation", "unplaced-translation", "hardly turned"),
-        ("one-axis", "unplaced-one-axis", "about one axis only"),
+        ("about one axis", "unplaced-one-axis", "about one axis only"),
         ("yaw", "unplaced-one-axis", "about one axis only"),
         ("pivot", "unplaced-pivot", "stays at one place of the image"),
     ],

@@ -139,3 +139,65 @@ def test_a_start_leads_to_the_same_answer():
     np.testing.assert_allclose(
         here.marker_from_source @ image_points(), there.marker_from_source @ image_points(), atol=1e-2
     )
+
+
+def test_of_few_frames_a_second_answer_that_fits_as_well_is_told():
+    """Six frames of a thread have two answers in more than a third of scenes; the wrong one fits best in some."""
+    told = wrong = 0
+    for seed in range(20):
+        scene = sweep("line", 6, seed, Noise())
+        found = registered(scene, UnplacedTarget("line"), trusted=True)
+        there = image_points() @ scene.truth[:3, :3].T + scene.truth[:3, 3]
+        errors = [
+            np.linalg.norm(answer @ image_points() - there, axis=1).max()
+            for answer in (found.marker_from_source, *found.alternatives)
+        ]
+        told += len(errors) > 1
+        wrong += min(errors) > 20
+        assert all(
+            np.linalg.norm(other @ image_points() - found.marker_from_source @ image_points(), axis=1).max()
+            > 0.5
+            for other in found.alternatives
+        )
+    assert told >= 7
+    assert wrong <= 2
+    well = registered(sweep("line", 60, 1, Noise()), UnplacedTarget("line"))
+    assert well.alternatives == ()
+
+
+@given(seed=few_seeds)
+@settings(max_examples=6)
+def test_several_unknown_targets_in_one_scan_are_each_found(seed):
+    """Two threads and a crossing, none of them placed; one probe scans them one after the other."""
+    scenes = [sweep(kind, 14, seed + i) for i, kind in enumerate(("line", "line", "point"))]
+    first = scenes[0]
+    poses = [first.truth @ np.linalg.inv(one.truth) @ one.poses for one in scenes]
+    found = register_unplaced(
+        np.vstack([one.points_px for one in scenes])[:, :2],
+        np.concatenate(poses),
+        [UnplacedTarget("line"), UnplacedTarget("line"), UnplacedTarget("point")],
+        target=np.repeat([0, 1, 2], 14),
+    )
+    assert rms_mm(found, first) < 1e-5
+    for place, scene in zip(found.places, scenes, strict=True):
+        away = scene.place - place.middle_mm
+        across = away @ place.axes[:, : 4 - len(scene.place)]
+        assert np.abs(across).max() < 1e-5
+        assert place.covariance is not None
+
+
+def test_two_unknown_threads_tell_more_than_one():
+    """As many images again, of another thread: the calibration is known better than by either."""
+    scenes = [sweep("line", 40, seed, Noise()) for seed in (3, 4)]
+    mover = scenes[0].truth @ np.linalg.inv(scenes[1].truth)
+    alone = registered(scenes[0], UnplacedTarget("line"))
+    both = register_unplaced(
+        np.vstack([one.points_px for one in scenes])[:, :2],
+        np.concatenate([scenes[0].poses, mover @ scenes[1].poses]),
+        [UnplacedTarget("line"), UnplacedTarget("line")],
+        target=np.repeat([0, 1], 40),
+        sigma_px=1.0,
+        sigma_mm=0.3,
+    )
+    assert np.trace(both.nominal_covariance) < np.trace(alone.nominal_covariance)
+    assert rms_mm(both, scenes[0]) < 1

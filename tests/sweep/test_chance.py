@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sonocal.sweep.choice import _Agreeing
+from sonocal.sweep.agreeing import Agreeing
 
 
 class Table(SimpleNamespace):
@@ -19,4 +19,4 @@ class Table(SimpleNamespace):
 )
 def test_nearly_all_images_are_no_chance_though_a_third_would_agree(count, by_chance, chance):
     table = Table(candidates=600, shown=120)
-    assert _Agreeing(None, count, by_chance).may_be_chance(table) is chance
+    assert Agreeing(None, count, by_chance).may_be_chance(table) is chance

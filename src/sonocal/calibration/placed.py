@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from sonocal.calibration.area import area_findings, corner_of
-from sonocal.calibration.diagnostics import describe_motion, diagnose_fit
+from sonocal.calibration.area import area_findings
 from sonocal.calibration.evidence import set_up_findings
-from sonocal.calibration.found_targets import FoundTarget, found_target, target_findings
+from sonocal.calibration.found_targets import FoundTarget, found_target
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.mixed import mapped_of, target_distances
 from sonocal.calibration.options import Options, kept_options
+from sonocal.calibration.placed_findings import placed_findings
 from sonocal.calibration.placed_rows import PlacedRows, frames_of, full_poses, has_poses, placed_at
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, split_rows
 from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.errors import InputError, SonocalError, UnsupportedError, require
-from sonocal.findings import Diagnostic, Findings
-from sonocal.geometry import Array, area_places
+from sonocal.findings import Findings
+from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.registration.noise import Noise
-from sonocal.registration.uncertainty import quantile_95, weakest_motion
+from sonocal.registration.uncertainty import quantile_95
 from sonocal.registration.unplaced import Placed, register_unplaced
 from sonocal.registration.unplaced_time import poses_later
 from sonocal.targets import Target, Unplaced
@@ -35,11 +35,6 @@ __all__ = ["calibrate_with_places", "placed_by", "wants_places"]
 THRESHOLD_MM = 5.0
 # Random samples, of the search for a place, at the most.
 MOST_SAMPLES = 2000
-
-HOW_TO_MOVE = (
-    "tilt the probe by 30 to 40 deg to both sides about two axes, and turn it about the vertical, seeing the target "
-    "all over the image"
-)
 
 
 def wants_places(observations: Observations, asked: Options) -> bool:
@@ -77,7 +72,7 @@ def calibrate_with_places(observations: Observations, asked: Options) -> Calibra
     held = None if held_out is None else placed_at(held_out, PlacedRows.of(held_out, targets).poses, where)
     calibration = _calibration(placed, answer, (asked, used), found, held)
     looks = (
-        partial(_fit_findings, calibration, answer),
+        partial(placed_findings, calibration, answer),
         partial(area_findings, calibration, placed.points_px[answer.inlier]),
         partial(held_out_findings, calibration, held),
         lambda: set_up_findings(calibration, placed, mapped_of(calibration.probe_from_image, placed)),
@@ -216,49 +211,3 @@ def _lag_interval(answer: Placed) -> tuple[float, float] | None:
         return None
     half = quantile_95(max(answer.freedom, 1)) * answer.lag_sigma_s
     return answer.lag_s - half, answer.lag_s + half
-
-
-def _fit_findings(calibration: Calibration, answer: Placed) -> Iterator[Diagnostic]:
-    """What the fit says of itself, and of the targets."""
-    yield from diagnose_fit(answer.inlier, calibration.threshold_mm, converged=True, what="targets")
-    yield from _rival(calibration, answer)
-    yield from _weakness(calibration)
-    yield from target_findings(calibration.targets)
-
-
-def _rival(calibration: Calibration, answer: Placed) -> Iterator[Diagnostic]:
-    corners = area_places(calibration.area_px)[:-1]
-    here = calibration.probe_from_image @ corners
-    apart = [np.linalg.norm(other @ corners - here, axis=1).max() for other in answer.alternatives]
-    if not apart or max(apart) < 0.5 * calibration.options.tolerance_mm:
-        return
-    yield Diagnostic(
-        code="two-answers",
-        severity="warning",
-        message=(
-            f"a second answer, with another place of the target, fits the same rows about as well and is up to "
-            f"{max(apart):.1f} mm away in the image"
-        ),
-        advice=HOW_TO_MOVE,
-    )
-
-
-def _weakness(calibration: Calibration) -> Iterator[Diagnostic]:
-    if calibration.covariance is None:
-        return
-    worst, accepted = calibration.predicted_errors()[2][:-1].max(), calibration.options.tolerance_mm
-    if worst <= accepted:
-        return
-    motion = weakest_motion(
-        calibration.probe_from_image, calibration.covariance, area_places(calibration.area_px)[:-1]
-    )
-    yield Diagnostic(
-        code="weak-motion",
-        severity="warning",
-        message=(
-            f"the predicted error reaches {worst:.1f} mm (95 %) at {corner_of(calibration.area_name)}, more than the "
-            f"{accepted:g} mm accepted; loosest is {describe_motion(motion, calibration.noise.freedom)}: the motion "
-            "tells the calibration from the target's place too little"
-        ),
-        advice=HOW_TO_MOVE,
-    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from sonocal.calibration import Calibration
     from sonocal.existing import Choice, Existing
 
-__all__ = ["calibrate"]
+__all__ = ["calibrate", "parted", "results"]
 
 OF_TABLES = ("fit_split", "test_split")
 OF_RECORDINGS = ("points", "probe", *OF_READING, *OF_DETECTION)
@@ -201,8 +201,6 @@ def calibrate(
     From a recording, observations.csv is written too: the sightings that the calibration rests on. With --latency
     estimate it is written from a table, too: its lines are where the lag leads.
     """  # noqa: D301 - click leaves the lines below the escape alone
-    from sonocal.calibration import calibration_json
-    from sonocal.cli.report import report_files
     from sonocal.cli.screen.calibration import print_calibration
 
     estimated = options["latency_s"] == ESTIMATE
@@ -213,27 +211,86 @@ def calibrate(
         _require_kinds(source, lines)
         moved = lines is not None or estimated
         reserve_results(output, _names(options["points"], moved=moved, recording=recording, report=report))
-    recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
-    expectation = _expected(expected, choice_of(options))
-    options["expected_rotation"] = None if expectation is None else rotation_of(expectation)
     with refusing(as_json=as_json):
-        result = (
-            from_recording(source, lines, output, recorded, options)
-            if recording and lines is not None
-            else _from_table(source, lines, options, accept_units=accept_units)
+        found, files, rereadings = results(
+            source,
+            lines,
+            output,
+            expected=expected,
+            accept_units=accept_units,
+            report=report,
+            options=options,
         )
-    found = result.calibration if expectation is None else _against(result.calibration, expectation)
-    refuse_units(source.name, found.diagnostics, accepted=accept_units)
-    content = calibration_json(found)
-    files = {"calibration.json": content, **result.files}
-    if report:
-        files |= report_files(found, result.rows, frames=pictures(result))
     write_results(output, files)
     if as_json:
-        say_json(json_with_verdict(found, content) | {"rereadings": misread_records(expectation, found)})
+        content = json_with_verdict(found, files["calibration.json"])
+        say_json(content | {"rereadings": rereadings})
         return
     print_calibration(console(), found)
     console().print(f"Wrote {', '.join(str(output / name) for name in files)}", soft_wrap=True)
+
+
+class Results(NamedTuple):
+    """What a calibration ends in.
+
+    Attributes:
+        calibration: what was found.
+        files: what is written of it, by name.
+        rereadings: how what --expected names is right, where it was misread.
+    """
+
+    calibration: Calibration
+    files: dict[str, bytes]
+    rereadings: list[dict[str, Any]]
+
+
+def results(
+    source: Path,
+    lines: Path | None,
+    output: Path | None,
+    *,
+    expected: Path | None,
+    accept_units: bool,
+    report: bool,
+    options: dict[str, Any],
+    seen: Any = None,
+) -> Results:
+    """Calibrate, and make the files that are written of it.
+
+    Args:
+        source: a table or a recording.
+        lines: what is scanned, of a recording.
+        output: where the contact sheet stays if no calibration is found; nowhere if None.
+        expected: another calibration, whose rotation is expected.
+        accept_units: that implausible units are meant.
+        report: whether the page is among the files.
+        options: the others of the command line.
+        seen: what was detected in the images, where that is known.
+    """
+    from sonocal.calibration import calibration_json
+    from sonocal.cli.report import report_files
+
+    options, recorded, choice = parted(options, accept_units=accept_units)
+    expectation = _expected(expected, choice)
+    options["expected_rotation"] = None if expectation is None else rotation_of(expectation)
+    result = (
+        from_recording(source, lines, output, recorded, options, seen=seen)
+        if lines is not None and not _is_table(source)
+        else _from_table(source, lines, options, accept_units=accept_units)
+    )
+    found = result.calibration if expectation is None else _against(result.calibration, expectation)
+    refuse_units(source.name, found.diagnostics, accepted=accept_units)
+    files = {"calibration.json": calibration_json(found), **result.files}
+    if report:
+        files |= report_files(found, result.rows, frames=pictures(result))
+    return Results(found, files, misread_records(expectation, found))
+
+
+def parted(options: dict[str, Any], *, accept_units: bool) -> tuple[dict[str, Any], dict[str, Any], Choice]:
+    """The options of `sonocal.calibrate`, those of recordings, and which matrix of another file is meant."""
+    options = dict(options)
+    recorded = {name: options.pop(name) for name in OF_RECORDINGS} | {"accept_units": accept_units}
+    return options, recorded, choice_of(options)
 
 
 def _expected(path: Path | None, choice: Choice) -> Calibration | Existing | None:

@@ -19,7 +19,7 @@ from sonocal.cli.options import (
 )
 from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
 
-__all__ = ["demo"]
+__all__ = ["demo", "somebody_looks"]
 
 
 @command(
@@ -95,7 +95,7 @@ def demo(
     if "report.html" in files:
         screen.print(f"Report: {(output / 'report.html').resolve().as_uri()}", soft_wrap=True)
     screen.print(f"Next: sonocal calibrate {output / 'observations.csv'}", soft_wrap=True)
-    if "report.html" in files and _somebody_looks():
+    if "report.html" in files and somebody_looks():
         click.launch(str(output / "report.html"))
 
 
@@ -105,7 +105,7 @@ def _fresh(folder: Path) -> Path:
     return next(name for name in chain([folder], names) if not name.exists())
 
 
-def _somebody_looks() -> bool:
+def somebody_looks() -> bool:
     """Whether there is a person at a terminal and a screen for a browser to open on."""
     screen = (
         sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

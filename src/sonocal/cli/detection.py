@@ -187,7 +187,7 @@ def detect(
     At most one candidate of an image is right; "sonocal calibrate RECORDING --lines" chooses.
     """
     from sonocal.cli.formats import targets_in
-    from sonocal.cli.from_recording import looking
+    from sonocal.cli.from_recording import looking_for
     from sonocal.files import write_atomically
     from sonocal.files.png import png
     from sonocal.observations import write_observations
@@ -207,7 +207,7 @@ def detect(
         )
     reserve(*files)
     posing = {"fixed": fixed} | {name: options[name] for name in ("probe", "on_invalid")}
-    sweep = sweep_of(loaded, known, **posing, **looking(loaded, options))
+    sweep = sweep_of(loaded, known, **posing, **looking_for(loaded, options))
     with progress("detecting") as report:
         found: Any = sweep.detect(report)
     reserve(*files)

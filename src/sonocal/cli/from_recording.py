@@ -29,11 +29,13 @@ __all__ = [
     "OF_DETECTION",
     "SHEET",
     "TABLE",
+    "Given",
     "Result",
     "at_lag",
     "at_places",
     "from_recording",
-    "looking",
+    "given_recording",
+    "looking_for",
 ]
 
 TABLE, SHEET, REFUSED_SHEET = "observations.csv", "contact-sheet.png", "refused-contact-sheet.png"
@@ -51,6 +53,42 @@ class Result(NamedTuple):
     recording: Recording | None = None
 
 
+class Given(NamedTuple):
+    """A recording and its targets as the command line names them, read and found sound.
+
+    Attributes:
+        recording: images and poses.
+        targets: what is scanned, and what of it is looked for in images.
+        fixed: constant transforms beside the recording's.
+        fitting, looking: options of `calibrate_points` and of `calibrate_recording`.
+    """
+
+    recording: Recording
+    targets: Sequence[Target | Unplaced]
+    sought: Sequence[Target | Unplaced]
+    fixed: Mapping[tuple[str, str], Any]
+    fitting: dict[str, Any]
+    looking: dict[str, Any]
+
+
+def given_recording(source: Path, lines: Path, recorded: dict[str, Any], options: dict[str, Any]) -> Given:
+    """Read a recording and its targets. The arguments are as of `from_recording`."""
+    from sonocal.cli.formats import targets_in
+    from sonocal.targets import Line, Unplaced
+
+    recording = read_given(source, recorded)
+    known, fixed = targets_in(lines)
+    refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
+    needles = [one for one in known if isinstance(one, Line)]
+    refuse_units(lines.name, unit_doubts(lines=needles), accepted=recorded["accept_units"])
+    how = options | {"fixed": fixed} | {name: recorded[name] for name in ("probe", "on_invalid")}
+    by_data = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
+    looking = by_data if recorded["points"] is not None else by_data | looking_for(recording, recorded)
+    unplaced = [one for one in known if isinstance(one, Unplaced)]
+    sought: Sequence[Target | Unplaced] = [*needles, *unplaced] if unplaced else known
+    return Given(recording, known, sought, fixed, how, looking)
+
+
 def from_recording(
     source: Path,
     lines: Path,
@@ -59,6 +97,7 @@ def from_recording(
     options: dict[str, Any],
     *,
     start: AxisScaled | None = None,
+    seen: Any = None,
 ) -> Result:
     """Calibrate from a recording.
 
@@ -69,8 +108,8 @@ def from_recording(
         recorded: options of recordings and of detection.
         options: of `sonocal.calibrate`.
         start: a transform that may be near, by which candidates may be chosen.
+        seen: what was detected in its images, where that is known.
     """
-    from sonocal.cli.formats import targets_in
     from sonocal.observations.table_file import as_file
     from sonocal.recording import with_latency
     from sonocal.sweep import Posing
@@ -78,22 +117,17 @@ def from_recording(
     from sonocal.sweep.placed import line_at
     from sonocal.targets import Line, Unplaced
 
-    recording = read_given(source, recorded)
-    known, fixed = targets_in(lines)
-    unplaced = [one for one in known if isinstance(one, Unplaced)]
-    refuse_units(source.name, unit_doubts(recording), accepted=recorded["accept_units"])
-    needles = [one for one in known if isinstance(one, Line)]
-    refuse_units(lines.name, unit_doubts(lines=needles), accepted=recorded["accept_units"])
-    how = options | {"fixed": fixed} | {name: recorded[name] for name in ("probe", "on_invalid")}
+    read = given_recording(source, lines, recorded, options)
+    recording = read.recording
     if recorded["points"] is not None:
-        result = _from_points(recording, known, recorded["points"], how)
+        result = _from_points(recording, read.targets, recorded["points"], read.fitting)
     else:
-        how = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
-        sought: Sequence[Target | Unplaced] = [*needles, *unplaced] if unplaced else known
-        result = _from_images(recording, sought, output, how | looking(recording, recorded), start)
+        result = _from_images(recording, read.sought, output, read.looking, start, seen=seen)
     if recording.latency_s != (result.calibration.latency_s or 0.0):  # estimated
         recording = with_latency(recording, result.calibration.latency_s or 0.0)
-    posing = Posing(recorded["probe"], fixed, recorded["on_invalid"])
+    posing = Posing(recorded["probe"], read.fixed, recorded["on_invalid"])
+    needles = [one for one in read.targets if isinstance(one, Line)]
+    unplaced = [one for one in read.targets if isinstance(one, Unplaced)]
     needles += [line_at(one, result.calibration) for one in unplaced if one.kind == "line"]
     rows = (
         with_line_velocities(result.rows, recording, needles, posing)
@@ -129,7 +163,7 @@ def _moved(rows: Observations, found: Calibration, there: Observations) -> Resul
     return Result(moved, replace(found, provenance=provenance), {TABLE: table})
 
 
-def looking(recording: Recording, options: Mapping[str, Any]) -> dict[str, Any]:
+def looking_for(recording: Recording, options: Mapping[str, Any]) -> dict[str, Any]:
     """The options of detection that stand on the command line, with the mask read."""
     from sonocal.detection import read_mask
     from sonocal.detection.recordings import require_images
@@ -159,6 +193,8 @@ def _from_images(
     output: Path | None,
     how: dict[str, Any],
     start: AxisScaled | None,
+    *,
+    seen: Any = None,
 ) -> Result:
     """Find what is scanned in the images, and calibrate on the candidates that agree; a sheet shows all of them."""
     from sonocal.files.png import png
@@ -166,8 +202,9 @@ def _from_images(
     from sonocal.sweep.recordings import sweep_of
 
     sweep = sweep_of(recording, targets, **how)
-    with progress("detecting") as report:
-        seen: Any = sweep.detect(report)
+    if seen is None:
+        with progress("detecting") as report:
+            seen = sweep.detect(report)
     try:
         found = sweep.calibrate(seen, start)
     except SonocalError:

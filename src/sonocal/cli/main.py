@@ -18,8 +18,10 @@ from sonocal.cli.export import export
 from sonocal.cli.help import Commands
 from sonocal.cli.info import info
 from sonocal.cli.piped import without_spool
+from sonocal.cli.reconstruct import reconstruct
 from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
+from sonocal.cli.studio import studio
 from sonocal.cli.study import study
 from sonocal.cli.tool import tool
 from sonocal.cli.validate import validate
@@ -63,5 +65,18 @@ def main() -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
-for _command in (demo, sample, calibrate, *COMMANDS, tool, validate, study, export, convert, info):
+for _command in (
+    demo,
+    sample,
+    calibrate,
+    *COMMANDS,
+    tool,
+    studio,
+    validate,
+    study,
+    export,
+    reconstruct,
+    convert,
+    info,
+):
     main.add_command(_command)

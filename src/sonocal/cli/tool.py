@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal.cli.help import command
+from sonocal.cli.landmarks import OF_LANDMARKS, place_phantom
 from sonocal.cli.options import (
     ANGLES,
     FILE,
@@ -70,6 +71,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
             *("tool_name", "spin", "second", "frames", "spin_frames", "second_frames", "reference"),
             *("angles", "markers", "on_invalid"),
         ),
+        "A phantom's place": ("landmarks", *OF_LANDMARKS),
         "What is known of the tool": ("length_mm", "stylus", "stylus_tip", "expected", "accept_units"),
         "What is written and shown": ("output", "name", "seed", "overwrite", "as_json"),
     },
@@ -78,6 +80,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
         "sonocal tool pivot.igs.mha --spin spin.igs.mha --tool Needle -o found.toml",
         "sonocal tool touch.igs.mha --frames 0:60 --second-frames 70:139 --tool Needle --stylus Stylus "
         "--stylus-tip stylus.toml -o touched.toml",
+        "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml",
     ),
 )
 @click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
@@ -110,6 +113,15 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
     help="Where the tip was said to be: of an earlier one, of PLUS or 3D Slicer, to compare.",
 )
 @click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
+@click.option(
+    "--landmarks",
+    type=FILE,
+    help="A phantom, PLUS's (.xml) or ours (.toml with a [[point]] each), whose landmarks RECORDING's stylus touches.",
+)
+@click.option(
+    "--into", type=FILE, help="Device set to put the phantom's place into.  [default: of the landmarks]"
+)
+@click.option("--in-order", is_flag=True, help="The landmarks were touched in the order listed.")
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
 @ANGLES
 @MARKERS
@@ -122,6 +134,7 @@ def tool(
     recording: Path | None,
     *,
     output: Path | None,
+    landmarks: Path | None,
     expected: tuple[float, ...] | Path | None,
     overwrite: bool,
     accept_units: bool,
@@ -136,6 +149,7 @@ def tool(
     RECORDING --spin SPIN              both: the needle, from its tip
     RECORDING --second OTHER           two pivots: the needle through both points
     RECORDING --second OTHER --stylus  two touches with a calibrated stylus
+    RECORDING --landmarks PHANTOM      a phantom's place: its landmarks touched with a stylus, in any order
 
     A needle is written as a [[line]], which "sonocal calibrate --lines" reads; a tip alone as a [[point]].
 
@@ -149,6 +163,11 @@ def tool(
         tool_toml,
     )
 
+    if landmarks is not None:
+        options |= {"expected": expected, "accept_units": accept_units}
+        place_phantom(_touched(recording, options), landmarks, output, options, as_json=as_json)
+        return
+    _refuse_landmarks(options)
     _refuse_half_a_stylus(options)
     options |= _parts(recording, options)
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
@@ -168,6 +187,20 @@ def tool(
         console().print(compared.sentence, markup=False)
     if output is not None:
         say(f"Wrote {output}")
+
+
+def _touched(recording: Path | None, options: dict[str, Any]) -> Recording:
+    """The recording of a stylus, or its range of frames."""
+    if recording is None:
+        raise click.UsageError("Missing argument 'RECORDING'; give it.")
+    read = read_given(recording, {name: options.pop(name) for name in ("angles", "markers")})
+    return read if options["frames"] is None else _cut(read, options["frames"])
+
+
+def _refuse_landmarks(options: dict[str, Any]) -> None:
+    for name in OF_LANDMARKS:
+        if options.pop(name):
+            raise click.UsageError(f"--{name.replace('_', '-')} is for --landmarks, which is missing")
 
 
 def _refuse_half_a_stylus(options: dict[str, Any]) -> None:

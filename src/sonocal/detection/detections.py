@@ -36,6 +36,7 @@ class Detections:
         target: (N,) name of the line; "", the default, where it may be of any.
         images: how many images were looked at; default: those in which something was found.
         source: the name that messages give it.
+        origin: (N,) who placed it, such as "moved", where somebody looked at each; or None.
 
     Raises:
         InputError: a shape does not fit, a value is not finite, a variance is not positive, or a detection stands
@@ -50,6 +51,7 @@ class Detections:
     target: NDArray[np.str_] = field(default=_DEFAULT)
     images: int = field(default=_DEFAULT)
     source: str = "detections"
+    origin: NDArray[np.str_] | None = None
 
     __repr__ = brief
 
@@ -71,6 +73,8 @@ class Detections:
         self._set(
             "target", np.full(len(frame), "") if self.target is None else np.asarray(self.target, np.str_)
         )
+        if self.origin is not None:
+            self._set("origin", np.asarray(self.origin, np.str_))
         self._set("images", len(np.unique(frame)) if self.images is None else self.images)
         self._check_shapes()
         self._check_values()
@@ -83,6 +87,8 @@ class Detections:
         target: str | Sequence[str] | NDArray[np.str_] = "",
         sigma_px: ArrayLike | None = None,
         source: str = "detections",
+        *,
+        origin: Sequence[str] | NDArray[np.str_] | None = None,
     ) -> Detections:
         """Points found by other means.
 
@@ -92,6 +98,7 @@ class Detections:
             target: (N,) names of lines, or one for all.
             sigma_px: (N,) standard deviations along every axis, or one for all.
             source: what messages call them.
+            origin: (N,) who placed each, or None.
 
         Raises:
             InputError: as the class.
@@ -109,7 +116,8 @@ class Detections:
                 )
             covariance = (sigma**2)[:, None, None, None] * np.eye(points.shape[1])
         names = np.broadcast_to(np.asarray(target, dtype=np.str_), len(points))
-        return cls(np.asarray(frame), points[:, None], covariance, target=names, source=source)
+        by = None if origin is None else np.asarray(origin, dtype=np.str_)
+        return cls(np.asarray(frame), points[:, None], covariance, target=names, source=source, origin=by)
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -134,7 +142,7 @@ class Detections:
         """Some of the detections, by a mask or indices; each keeps its rank."""
         index, part = np.asarray(rows), copy(self)  # some of sound detections are sound: no second check
         index = index if index.size else index.astype(np.int64)
-        for name in ("frame", "points_px", "covariance_px2", "score", "rank", "target"):
+        for name in ("frame", "points_px", "covariance_px2", "score", "rank", "target", "origin"):
             if (column := getattr(self, name)) is not None:
                 part._set(name, column[index])
         return part
@@ -157,7 +165,7 @@ class Detections:
                 f"got {points.shape[1]} points of {points.shape[2]} coordinates"
             )
         shapes = {"covariance_px2": (*points.shape, points.shape[2]), "score": (count,)}
-        for name, shape in {**shapes, "rank": (count,), "target": (count,)}.items():
+        for name, shape in {**shapes, "rank": (count,), "target": (count,), "origin": (count,)}.items():
             value = getattr(self, name)
             if value is not None and value.shape != shape:
                 raise InputError(f"{self.source}: {name} must have shape {shape}; got {value.shape}")

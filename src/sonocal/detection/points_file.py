@@ -16,7 +16,9 @@ __all__ = ["read_detections"]
 
 
 def read_detections(path: str | Path) -> Detections:
-    """Read points found in images: a CSV with ``frame, u_px, v_px[, w_px][, target][, sigma_px]``.
+    """Read points found in images: a CSV with ``frame, u_px, v_px[, w_px][, target][, sigma_px][, origin]``.
+
+    The origin is text of whoever placed a point, such as "moved"; it goes on into the table of sightings.
 
     Raises:
         InputError: a column is missing or a value is wrong; the sentence names file, line and column.
@@ -41,4 +43,5 @@ def read_detections(path: str | Path) -> Detections:
         table.text("target") if "target" in table.columns else "",
         table.numbers("sigma_px") if "sigma_px" in table.columns else None,
         path.name,
+        origin=table.text("origin") if "origin" in table.columns else None,
     )

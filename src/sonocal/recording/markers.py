@@ -9,6 +9,7 @@ import numpy as np
 from sonocal.errors import InputError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import FURTHEST, Array
+from sonocal.geometry.fitted import fitted_motions
 from sonocal.recording.poses import Mask, Poses
 from sonocal.targets import Point
 
@@ -86,13 +87,7 @@ def rigid_fits(shape_mm: Array, places_mm: Array) -> tuple[Array, Array]:
 
 
 def _fits(shape: Array, places: Array) -> tuple[Array, Array]:
-    middle, middles = shape.mean(axis=0), places.mean(axis=1)
-    u, _, vt = np.linalg.svd(np.swapaxes(places - middles[:, None], 1, 2) @ (shape - middle))
-    # The last direction turned where the best orthogonal matrix would mirror.
-    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    matrices = np.tile(np.eye(4), (len(places), 1, 1))
-    matrices[:, :3, :3] = u @ vt
-    matrices[:, :3, 3] = middles - matrices[:, :3, :3] @ middle
+    matrices = fitted_motions(np.broadcast_to(shape, places.shape), places)
     off = shape @ np.swapaxes(matrices[:, :3, :3], 1, 2) + matrices[:, None, :3, 3] - places
     return matrices, np.sqrt((off**2).sum(axis=2).mean(axis=1))
 

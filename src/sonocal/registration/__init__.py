@@ -10,6 +10,7 @@
 """
 
 from sonocal.registration import solvers
+from sonocal.registration.associate import Association, RivalLabels, associate
 from sonocal.registration.constraints import (
     FreeMotion,
     Rows,
@@ -28,13 +29,16 @@ from sonocal.registration.register import Registration, register
 from sonocal.registration.unplaced import Place, Placed, UnplacedTarget, register_unplaced
 
 __all__ = [
+    "Association",
     "FreeMotion",
     "ModelTest",
     "Place",
     "Placed",
     "Registration",
+    "RivalLabels",
     "Rows",
     "UnplacedTarget",
+    "associate",
     "line_line",
     "line_plane",
     "plane_plane",

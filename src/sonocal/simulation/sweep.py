@@ -7,20 +7,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.errors import InputError
 from sonocal.geometry import Array, Similarity
 from sonocal.recording import (
-    Frames,
     ImageGeometry,
     Poses,
     Provenance,
     Recording,
 )
-from sonocal.recording.frames import Image
+from sonocal.simulation.sweep_images import SimulatedFrames
 from sonocal.simulation.sweep_motion import HandMotion
-from sonocal.simulation.ultrasound import Echo, Look, UltrasoundImager
+from sonocal.simulation.sweep_options import SweepOptions
+from sonocal.simulation.ultrasound import Look
 from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear
-from sonocal.simulation.ultrasound_scenery import Scenery
 from sonocal.targets import Line
 
 __all__ = [
@@ -28,66 +26,13 @@ __all__ = [
     "SimulatedSweep",
     "SweepOptions",
     "Truth",
-    "check_sweep",
-    "draw_overlay",
     "random_calibration",
     "runs",
     "simulate_sweep",
 ]
 
 NEEDLE_MM = 400.0
-CLEAR_MM = 5.0
-FAINT = 0.02  # amplitude below which another echo is lost in speckle
 NEEDLE = Line("needle", "Needle", np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -NEEDLE_MM]]))
-
-
-def check_sweep(frames: int, rate_hz: float, sigma_px: float, sigma_mm: float, **shares: float) -> None:
-    """Refuse settings that no sweep has.
-
-    Raises:
-        InputError: there is no image, no rate, less noise than none, or a share of the images is none.
-    """
-    if frames < 1 or not rate_hz > 0:
-        raise InputError(f"a sweep needs frames and a rate; got {frames} at {rate_hz} Hz")
-    if not (sigma_px >= 0 and sigma_mm >= 0):
-        raise InputError(f"noise cannot be negative; got {sigma_px} px and {sigma_mm} mm")
-    for name, share in shares.items():
-        if not 0 <= share <= 1:
-            raise InputError(f"{name} is between 0 and 1; got {share}")
-
-
-@dataclass(frozen=True)
-class SweepOptions:
-    """What happens in a sweep.
-
-    Attributes:
-        frames: how many images.
-        rate_hz: images a second.
-        sigma_px: of the image point about the needle along each axis: bending, refraction.
-        sigma_mm: tracking noise of the needle's two ends along each axis.
-        hidden_share: share of the images in which the needle does not show.
-        dropout_share: share of the items without a valid pose.
-        latency_s: how much later the tracker stamps an instant than the images do.
-        compact, interfaces: bright things in view on average, beside the needle.
-        overlay: whether text and a ruler are drawn over the image, as in a screen capture.
-        seed: of everything random.
-    """
-
-    frames: int = 500
-    rate_hz: float = 20.0
-    sigma_px: float = 1.0
-    sigma_mm: float = 1.0
-    hidden_share: float = 0.2
-    dropout_share: float = 0.0
-    latency_s: float = 0.0
-    compact: float = 2.0
-    interfaces: float = 0.5
-    overlay: bool = False
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        shares = {"hidden_share": self.hidden_share, "dropout_share": self.dropout_share}
-        check_sweep(self.frames, self.rate_hz, self.sigma_px, self.sigma_mm, **shares)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,67 +111,6 @@ def simulate_sweep(
     return SimulatedSweep(recording, (NEEDLE,), truth, options)
 
 
-class SimulatedFrames(Frames):
-    """Images of a needle, made when they are asked for, each from its own random numbers."""
-
-    def __init__(
-        self,
-        geometry: ProbeGeometry,
-        look: Look | None,
-        options: SweepOptions,
-        needle_mm: Array,
-        visible: NDArray[np.bool_],
-    ) -> None:
-        self._geometry = geometry
-        self._imager = UltrasoundImager(geometry, look)
-        self._options, self._needle, self._visible = options, needle_mm, visible
-        self._scenery = Scenery(
-            geometry, len(visible) / options.rate_hz, options.compact, options.interfaces, options.seed
-        )
-        self.shape, self.dtype = geometry.size_px[::-1], np.dtype(np.uint8)
-
-    def __len__(self) -> int:
-        return len(self._visible)
-
-    def read(self, index: int) -> Image:
-        """Image `index`."""
-        rng = np.random.default_rng([self._options.seed, 2, index])
-        echoes = self._scenery.echoes(index / self._options.rate_hz, rng)
-        if self._visible[index]:
-            echoes.append(self._imager.needle(self._needle[index], rng))
-        image = self._imager.image(echoes, rng)
-        if self._options.overlay:
-            draw_overlay(image)
-        image.flags.writeable = False
-        return image
-
-    def apart(self, points_mm: Array) -> NDArray[np.bool_]:
-        """(N,): whether the points (N, 2), one an image, are clear of other echoes, shadows and the fan's edge."""
-        angles = np.linspace(0, 2 * np.pi, 8, endpoint=False)
-        around = CLEAR_MM * np.column_stack([np.cos(angles), np.sin(angles)])
-        clear = np.asarray(self._geometry.inside(points_mm[:, None] + around).all(axis=1))
-        for index in np.flatnonzero(clear).tolist():
-            point = points_mm[index]
-            rng = np.random.default_rng([self._options.seed, 2, index])
-            echoes = self._scenery.echoes(index / self._options.rate_hz, rng)
-            clear[index] = all(
-                _apart(self._geometry, e, point) for e in echoes if np.abs(e.amplitudes).max() > FAINT
-            )
-        return clear
-
-
-def _apart(geometry: ProbeGeometry, echo: Echo, point_mm: Array) -> bool:
-    """Whether a point is neither near an echo nor behind one that casts a shadow."""
-    beams, place = geometry.beams_of(echo.points_mm), geometry.beams_of(np.append(point_mm, 0.0))
-    near = (np.linalg.norm(echo.points_mm[:, :2] - point_mm, axis=1) < CLEAR_MM).any()
-    under = (
-        echo.shadow > 0
-        and np.min(beams[:, 1]) < place[1] < np.max(beams[:, 1])
-        and place[0] > beams[:, 0].min()
-    )
-    return not (near or under)
-
-
 def _points(needle_mm: Array, geometry: ProbeGeometry) -> Array:
     if geometry.dimension == 3:
         return needle_mm / geometry.scale_mm_per_px
@@ -286,13 +170,3 @@ def random_calibration(rng: np.random.Generator, scale: float) -> Similarity:
     from scipy.spatial.transform import Rotation
 
     return Similarity(Rotation.random(random_state=rng).as_matrix(), rng.uniform(-100, 100, 3), scale)
-
-
-def draw_overlay(image: Image) -> None:
-    """Draw over an image a ruler along the right edge and a block of strokes like text in the upper left corner."""
-    rows, cols = image.shape[-2:]
-    for row in range(rows // 10, rows, max(rows // 12, 4)):
-        image[..., row : row + 2, cols - cols // 30 : cols - 6] = 230
-    strokes = np.random.default_rng(0).random((7, 60)) < 0.5
-    block = np.kron(strokes, np.ones((2, 2), dtype=bool))[: rows - 8, : cols - 8]
-    image[..., 8 : 8 + block.shape[0], 8 : 8 + block.shape[1]][..., block] = 220

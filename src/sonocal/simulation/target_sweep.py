@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from sonocal.geometry import Array, Similarity
 from sonocal.recording import Frames, ImageGeometry, Provenance, Recording
 from sonocal.recording.frames import Image
-from sonocal.simulation.sweep import check_sweep, draw_overlay, random_calibration, runs
+from sonocal.simulation.sweep import random_calibration, runs
+from sonocal.simulation.sweep_images import draw_overlay
+from sonocal.simulation.sweep_options import check_sweep
 from sonocal.simulation.target_poses import held, tracked
 from sonocal.simulation.ultrasound import Echo, Look, UltrasoundImager
 from sonocal.simulation.ultrasound_probe import ProbeGeometry, curvilinear

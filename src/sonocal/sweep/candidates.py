@@ -18,7 +18,7 @@ from sonocal.registration.fit import Fit
 from sonocal.registration.mirrored import refuse_mirrored_volume
 from sonocal.registration.noise import residual_vectors
 
-__all__ = ["Candidates", "Mask"]
+__all__ = ["TIGHTNESS", "Candidates", "Mask"]
 
 Mask = NDArray[np.bool_]
 
@@ -76,6 +76,11 @@ class Candidates:
     def of_one(self) -> bool:
         """Whether all candidates are of one target, of which an image shows one."""
         return len(np.unique(self.rows.target)) == 1
+
+    @property
+    def may_be_of_any(self) -> bool:
+        """Whether a candidate's wire is asked for: points of images, several wires."""
+        return self.rows.dimension == 2 and not self.of_one
 
     @property
     def least_share(self) -> float:

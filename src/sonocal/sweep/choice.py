@@ -8,7 +8,7 @@ only; what was chosen is calibrated once.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, Unpack
 
 import numpy as np
@@ -29,34 +29,24 @@ from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.cards import card
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
-from sonocal.registration.robust import MINIMAL_ROWS
+from sonocal.registration import Association
+from sonocal.sweep.agreeing import ENOUGH, Agreeing
 from sonocal.sweep.candidates import Candidates, Mask
+from sonocal.sweep.labels import label_findings, labels_of, widened_mm
 from sonocal.sweep.options import of_calibrate, refuse_splits
-from sonocal.sweep.twin import Twin, find_twin, twin_findings
+from sonocal.sweep.settled import settled_at, upper_of_two
+from sonocal.sweep.twin import twin_findings
 
 __all__ = ["CandidateCalibration", "LookAgain", "calibrate_candidates", "calibrate_chosen"]
 
-ROUNDS = 10
 RANKS = (1, 2, 3, 5, 1000)
-ENOUGH = 0.5
-"""Share of the images that agree, from which no further ranks are tried than the next."""
 SURE = 0.9
 """Share from which not even the next is: an echo of the needle brighter than itself is in half of the images."""
-CHANCE_FACTOR = 3.0
-CLUTTER_FRAMES = 3
-"""Neighbouring images that show the same clutter: so many count once where chance is weighed."""
-PATIENCE = 10
-"""Times as many samples, where several needles are told apart."""
 LEAST_SIGHTINGS = 10
 LEAST_SHARE_OF_FEW = 0.8
 """Where there are few images."""
 MOST_MM = 5.0
 """Where the noise is to tell how far a chosen row may be from its line."""
-
-MOST_ECHOES = 4
-"""So many reverberations, one above the other, until the needle is reached."""
-LEAST_OF_LOWER = 0.3
-"""Of the images in which the lower one is seen: an upper one that is seen in fewer was hardly there."""
 
 LookAgain = Callable[[AxisScaled, Observations, float], Observations | None]
 """A transform, the candidates near their needles, a distance in mm: to candidates near the other needles, if any."""
@@ -144,11 +134,18 @@ def calibrate_chosen(
     within_mm = most_mm if options.threshold_mm == "auto" else float(options.threshold_mm)
     table = kind(candidates, options, within_mm)
     total = max(sightings, table.shown)
-    transform, first = _settled(table, _patient_consensus(table, total, start))
+    labels = labels_of(table) if start is None else None
+    begin = _first_consensus(table, total, start) if labels is None else labels.target_from_source
+    assert begin is not None
+    if options.threshold_mm in ("auto", most_mm):
+        table = kind(candidates, options, widened_mm(labels, within_mm))
+    transform, first = settled_at(table, begin)
     table, settled = _looked_again(table, look_again, transform, first)
-    chosen, twin = _upper(table, *settled, across)
+    chosen, twin = upper_of_two(table, *settled, across)
     used = table.agreeing(chosen)
-    if used < _least_agreeing(table, total):  # of a few images most agree by chance, until one looks closer
+    if labels is None and used < _least_agreeing(
+        table, total
+    ):  # of a few images most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
     last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen), latency=None)
     calibration = calibrate(table.at(chosen), **last)
@@ -156,37 +153,21 @@ def calibrate_chosen(
         "no candidate or no pose": total - table.shown,
         f"no candidate near {table.wanted}": table.shown - used,
     }
-    calibration = calibration.with_findings([_report(table, used, total, reasons), *twin_findings(twin)])
+    calibration = calibration.with_findings(
+        [_report(table, used, total, reasons), *twin_findings(twin), *label_findings(labels)]
+    )
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
-
-
-def _patient_consensus(table: Candidates, total: int, start: AxisScaled | None) -> AxisScaled:
-    """That of `_first_consensus`, and of several needles before it is refused with more samples.
-
-    Each candidate may be of any of them: of fifteen candidates and nine wires one row in twenty is right, and one
-    sample of four in 150 000.
-    """
-    try:
-        return _first_consensus(table, total, start)
-    except MirroredVolumeError:
-        raise
-    except NoConsensusError:
-        if table.of_one:
-            raise
-        options = replace(table.options, max_samples=PATIENCE * table.options.max_samples)
-        patient = type(table)(table.rows, options, table.within_mm)
-    return _first_consensus(patient, total, start)
 
 
 def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) -> AxisScaled:
     """The transform that the most sightings beyond chance agree with, tried on ever lower ranks."""
-    told = None if start is None else _Agreeing.of(table, start)
+    told = None if start is None else Agreeing.of(table, start)
     best = told
     refusal: SonocalError | None = None
     for most in RANKS if told is None or not told.is_enough(total) else ():
         keep = table.rank < most
         try:
-            found = _Agreeing.of(table, table.consensus(keep))
+            found = Agreeing.of(table, table.consensus(keep))
         except (NoConsensusError, DegenerateGeometryError, InputError) as error:
             refusal = refusal or error
             continue
@@ -206,77 +187,6 @@ def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) ->
     return best.transform
 
 
-@dataclass(frozen=True, eq=False)
-class _Agreeing:
-    """A transform, how many sightings agree with it, how many would by chance, and what it weighs beside others."""
-
-    transform: AxisScaled
-    count: int
-    by_chance: float
-    weight: float = 0.0
-
-    @classmethod
-    def of(cls, table: Candidates, transform: AxisScaled) -> _Agreeing:
-        chosen, by_chance = table.nearest(transform), table.by_chance(transform)
-        weight = table.weight(transform, chosen, by_chance)
-        return cls(transform, table.agreeing(chosen), by_chance, weight)
-
-    @property
-    def is_far_more(self) -> bool:
-        """Whether no count is needed to see that this is no chance."""
-        return self.count >= CHANCE_FACTOR * self.by_chance
-
-    def is_enough(self, total: int) -> bool:
-        """Whether hardly another rank is better."""
-        return self.count >= ENOUGH * total and self.is_far_more
-
-    def may_be_chance(self, table: Candidates) -> bool:
-        """Whether as many would agree with some transform had candidates and needles nothing to do with each other.
-
-        With many candidates in a small image chance alone brings a third of the sightings together, and three
-        times that is more than there are. Then the number of false alarms tells: the binomial tail over all models
-        that minimal samples could have given.
-
-        Source: a-contrario model estimation (Moisan and Stival 2004).
-        """
-        from scipy.special import bdtrc, gammaln
-
-        if self.is_far_more:
-            return False
-        sightings, agreeing = table.shown // CLUTTER_FRAMES, self.count // CLUTTER_FRAMES
-        if agreeing <= MINIMAL_ROWS:
-            return True
-        combinations = (
-            gammaln(sightings + 1) - gammaln(sightings - MINIMAL_ROWS + 1) - gammaln(MINIMAL_ROWS + 1)
-        )
-        samples = combinations + MINIMAL_ROWS * np.log(len(table) / table.shown)
-        chance = min(self.by_chance / table.shown, 1.0)
-        tail = bdtrc(agreeing - MINIMAL_ROWS - 1, sightings - MINIMAL_ROWS, chance)
-        return bool(tail > 0 and samples + np.log(tail) > 0)
-
-
-def _settled(table: Candidates, transform: AxisScaled, fitted: Mask | None = None) -> tuple[AxisScaled, Mask]:
-    """Choose the nearest candidates and fit them, with an ever fitter threshold, until nothing changes.
-
-    Args:
-        table: the candidates.
-        transform: where to start.
-        fitted: the rows that this is the fit of, if of such: they are not fitted again.
-
-    Returns:
-        The fit of the chosen rows, and these.
-    """
-    chosen = table.nearest(transform)
-    for _ in range(ROUNDS):
-        closer = table.nearest(transform, table.fitting_threshold_mm(transform, chosen))
-        if fitted is None or not np.array_equal(closer, fitted):
-            transform, fitted = table.transform(closer), closer
-        if np.array_equal(closer, chosen):
-            break
-        chosen = closer
-    return transform, chosen
-
-
 def _looked_again(
     table: Candidates, look_again: LookAgain | None, transform: AxisScaled, fitted: Mask
 ) -> tuple[Candidates, tuple[AxisScaled, Mask]]:
@@ -285,31 +195,9 @@ def _looked_again(
         return table, (transform, fitted)
     further = look_again(transform, table.at(table.nearest(transform)), table.within_mm)
     if further is None:
-        return table, _settled(table, transform, fitted)
+        return table, settled_at(table, transform, fitted)
     table = table.and_further(further)
-    return table, _settled(table, transform)
-
-
-def _upper(
-    table: Candidates, transform: AxisScaled, chosen: Mask, across: Array | None
-) -> tuple[Mask, Twin | None]:
-    """Of two needles that move as one the upper one, which is nearer to the transducer; and where the other is."""
-    if not table.has_twins:
-        return chosen, None
-    twin = find_twin(table, chosen, transform, across)
-    for _ in range(MOST_ECHOES):
-        if twin is None or not twin.is_above:
-            break
-        moved = transform.rotation @ twin.offset_mm
-        above = AxisScaled(transform.rotation, transform.translation - moved, transform.scales)
-        try:
-            transform, upper = _settled(table, above)
-        except (NoConsensusError, DegenerateGeometryError, InputError):
-            break
-        if table.agreeing(upper) < LEAST_OF_LOWER * table.agreeing(chosen):
-            break
-        chosen, twin = upper, find_twin(table, upper, transform, across)
-    return chosen, twin
+    return table, settled_at(table, transform)
 
 
 def _last_threshold(table: Candidates, chosen: Mask) -> float | Literal["auto"]:
@@ -319,8 +207,10 @@ def _last_threshold(table: Candidates, chosen: Mask) -> float | Literal["auto"]:
     return table.within_mm
 
 
-def _least_agreeing(table: Candidates, total: int) -> float:
-    """Sightings without which a calibration is no answer."""
+def _least_agreeing(table: Candidates, total: int, labels: Association | None = None) -> float:
+    """Sightings without which a calibration is no answer; labels that are sure say enough by themselves."""
+    if labels is not None and labels.verdict == "found":
+        return 0.0
     return max(min(LEAST_SIGHTINGS, LEAST_SHARE_OF_FEW * total), table.least_share * total)
 
 

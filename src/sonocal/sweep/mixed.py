@@ -16,7 +16,7 @@ from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Recording
 from sonocal.sweep.options import PointsOptions, of_calibrate
-from sonocal.sweep.tabulate import Posing, check_places, moved
+from sonocal.sweep.tabulate import Posing, check_places, moved, with_origin
 from sonocal.targets import Line, Plane, Point, Target, Unplaced, check_lines
 
 __all__ = ["calibrate_targets", "named_targets", "require_posed", "spanning_mm", "tabulate_targets"]
@@ -75,6 +75,7 @@ def tabulate_targets(
         image_size_px=None if recording.image is None else recording.image.size_px,
         source=detections.source,
     )
+    table = with_origin(table, detections, np.flatnonzero(posed))
     return table, _without_pose(int(np.sum(~posed)), len(posed))
 
 

@@ -36,6 +36,8 @@ THRESHOLD_MM, LEAST_THRESHOLD_MM = 5.0, 1.0
 SPACING_SHARE = 0.2
 """Of the distance between wires: more, and wrong calibrations agree by taking one wire for the next."""
 LINE_SAMPLES = 64
+SPARE = 3
+"""Candidates beyond one a wire: with twelve all of nine real wires are among them but for one in a thousand."""
 PARALLEL = np.cos(np.radians(10.0))
 """Of two planes' normals: others meet at an angle that tells them apart."""
 
@@ -109,9 +111,9 @@ class Options(PointsOptions):
     Attributes:
         threshold_mm: candidates further than this from their needle are wrong, rows further from their line outliers;
             "auto": rows further than 3.3 standard deviations of the chosen rows' noise.
-        count: candidates an image; default: 5, and 3 in a volume.
+        count: candidates an image; default: 5, as many as wires and 3 more where there are several, and 3 in a volume.
         mask: (rows, columns): where to look; default: found from the recording.
-        centre: "head" (the default) or "mass", see `DetectionOptions`.
+        centre: "head" (the default; "mass" of several wires), see `DetectionOptions`.
         second_look: look again near where the calibrated needle must be.
     """
 
@@ -129,7 +131,16 @@ class Options(PointsOptions):
 
     @classmethod
     def for_lines(cls, recording: Recording, lines: Sequence[Line], **keywords: Any) -> Self:
-        """As `for_recording`; without a threshold, that which tells the lines apart."""
+        """As `for_recording`; without a threshold, that which tells the lines apart.
+
+        Images of several wires show them all: as many candidates, and some to spare, in the middle of what is
+        bright, as wires have no tail to leave out.
+        """
+        if len(lines) > 1 and recording.image is not None and recording.image.dimension == 2:
+            if keywords.get("count") is None:
+                keywords["count"] = len(lines) + SPARE
+            if keywords.get("centre") is None:
+                keywords["centre"] = "mass"
         if keywords.get("threshold_mm") is None:
             keywords["threshold_mm"] = telling_threshold_mm(lines)
         return cls.for_recording(recording, **keywords)

@@ -39,7 +39,7 @@ def calibrate_recording(
         **options: any of those of `sonocal.calibrate`, and of the following, by name.
 
             What to look for in the images:
-            count (5, in volumes 3): candidates an image at the most.
+            count (5, of several wires as many and 3 more, in volumes 3): candidates an image at the most.
             mask (found from the recording): (rows, columns), True where to look; for images.
             centre ("head"): of a bright spot its first echo, without the tail: needles; "mass": all of it, as PLUS
             segments wires; for images.

@@ -20,7 +20,17 @@ from sonocal.recording.health import moved_out
 from sonocal.recording.poses import OnInvalid
 from sonocal.targets import Line, check_lines
 
-__all__ = ["Fixed", "Posing", "Sightings", "check_places", "check_posing", "moved", "tabulate", "tabulated"]
+__all__ = [
+    "Fixed",
+    "Posing",
+    "Sightings",
+    "check_places",
+    "check_posing",
+    "moved",
+    "tabulate",
+    "tabulated",
+    "with_origin",
+]
 
 Fixed = Mapping[tuple[str, str], ArrayLike] | None
 
@@ -147,7 +157,7 @@ def tabulated(
         )
     names = np.array([one.name for one in lines])
     table = _rows(detections, row[sound], names[line[sound]], segments[sound])
-    table = _timed(table, recording.times)
+    table = with_origin(_timed(table, recording.times), detections, row[sound])
     if recording.image is not None:
         table = table.with_sound(image_size_px=recording.image.size_px)
     by_lag = moved_out(recording)[detections.frame]
@@ -198,6 +208,14 @@ def _timed(table: Observations, times: Array) -> Observations:
     if not np.all(np.isfinite(times)):
         return table
     return table.with_sound(extra={"time_s": times[table.frame].astype(np.str_)})
+
+
+def with_origin(table: Observations, detections: Detections, row: NDArray[np.int64]) -> Observations:
+    """The table with who placed each of its points, where that is known of the detections (M,) that it is of."""
+    if detections.origin is None:
+        return table
+    by = np.repeat(detections.origin[row], detections.points_each)
+    return table.with_sound(extra={**table.extra, "origin": by})
 
 
 def moved(probe_from_tool: Array, segment_mm: Array) -> Array:

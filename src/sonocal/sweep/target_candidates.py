@@ -60,6 +60,11 @@ class TargetCandidates(Candidates):
         return int(self._image.max(initial=-1)) + 1
 
     @property
+    def may_be_of_any(self) -> bool:
+        """Targets of several kinds are chosen among, not labelled."""
+        return False
+
+    @property
     def least_share(self) -> float:
         """Of the images that must agree."""
         return LEAST_SHARE

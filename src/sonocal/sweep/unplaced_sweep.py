@@ -18,9 +18,10 @@ from sonocal.recording import Recording
 from sonocal.recording.health import Progress
 from sonocal.sweep.calibrate import Sweep, no_candidates
 from sonocal.sweep.choice import CandidateCalibration
+from sonocal.sweep.first_places import at_latency, first_places
 from sonocal.sweep.lagged import require_clock
 from sonocal.sweep.options import Keywords, Options
-from sonocal.sweep.placed import at_latency, first_places, require_findable, with_own_places
+from sonocal.sweep.placed import require_findable, with_own_places
 from sonocal.targets import Line, Unplaced
 
 __all__ = ["UnplacedSweep"]

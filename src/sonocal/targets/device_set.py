@@ -18,6 +18,7 @@ from sonocal.geometry import FURTHEST, Array
 from sonocal.geometry.shown import brief
 from sonocal.targets.lines import (
     Line,
+    Point,
     check_lines,
 )
 
@@ -52,6 +53,8 @@ class DeviceSet:
         wires: of the phantom, in its own frame; one that several patterns share stands once.
         patterns: names of the wires of each N: left, middle, right.
         stated: of transforms by the same names, what PLUS says of them.
+        landmarks: points of the phantom to touch with a stylus, in its own frame.
+        reference: in whose frame PLUS registers the phantom; "" where the device set does not say.
     """
 
     name: str
@@ -59,6 +62,8 @@ class DeviceSet:
     wires: tuple[Line, ...]
     patterns: tuple[tuple[str, ...], ...]
     stated: Mapping[tuple[str, str], Stated] = field(default_factory=dict)
+    landmarks: tuple[Point, ...] = ()
+    reference: str = ""
 
     __repr__ = brief
 
@@ -82,9 +87,17 @@ def read_device_set(path: str | Path) -> DeviceSet:
     wires = tuple(_each_once(wire for pattern in patterns for wire in pattern))
     for lines in (*patterns, wires):
         check_lines(path.name, lines)
+    landmarks = tuple(_landmarks(path.name, root, phantom))
+    check_lines(path.name, landmarks, "landmarks")
     names = tuple(tuple(wire.name for wire in pattern) for pattern in patterns)
     return DeviceSet(
-        path.name, dict(_transforms(path.name, root)), wires, names, dict(_stated(path.name, root))
+        path.name,
+        dict(_transforms(path.name, root)),
+        wires,
+        names,
+        dict(_stated(path.name, root)),
+        landmarks,
+        _registered_in(root),
     )
 
 
@@ -154,6 +167,19 @@ def _wires(name: str, pattern: ET.Element, phantom: str) -> Iterator[Line]:
                 f"{name}: wire {label!r} needs EndPointFront and EndPointBack of three numbers, mm"
             )
         yield Line(label, phantom, np.array(ends))
+
+
+def _landmarks(name: str, root: ET.Element, phantom: str) -> Iterator[Point]:
+    for element in root.iterfind("PhantomDefinition/Geometry/Landmarks/Landmark"):
+        label, place = element.get("Name", ""), _numbers(element.get("Position"))
+        if place is None or len(place) != 3:
+            raise InputError(f"{name}: landmark {label!r} needs a Position of three numbers, mm")
+        yield Point(label, phantom, place)
+
+
+def _registered_in(root: ET.Element) -> str:
+    algorithm = root.find("vtkPlusPhantomLandmarkRegistrationAlgo")
+    return "" if algorithm is None else algorithm.get("ReferenceCoordinateFrame", "")
 
 
 def _each_once(wires: Iterable[Line]) -> Iterator[Line]:

@@ -8,6 +8,8 @@ from sonocal.tools.calibrate import (
     stylus_tip,
     tool_toml,
 )
+from sonocal.tools.landmark_result import LandmarkFit, PhantomRegistration, TargetError
+from sonocal.tools.landmarks import register_landmarks
 from sonocal.tools.needle import (
     DigitisedPoint,
     NeedleCalibration,
@@ -17,14 +19,19 @@ from sonocal.tools.needle import (
     needle_from_spin,
 )
 from sonocal.tools.pivot import PivotCalibration, calibrate_pivot
+from sonocal.tools.rests import Rest
 from sonocal.tools.spin import SpinCalibration, calibrate_spin
 
 __all__ = [
     "DigitisedPoint",
+    "LandmarkFit",
     "NeedleCalibration",
+    "PhantomRegistration",
     "PivotCalibration",
+    "Rest",
     "SpinCalibration",
     "Stylus",
+    "TargetError",
     "ToolCalibration",
     "calibrate_pivot",
     "calibrate_spin",
@@ -34,6 +41,7 @@ __all__ = [
     "needle_from_points",
     "needle_from_spin",
     "pivot_doubts",
+    "register_landmarks",
     "stylus_tip",
     "tool_toml",
 ]

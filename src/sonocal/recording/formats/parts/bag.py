@@ -90,15 +90,24 @@ class Bag:
             start: ns: none that was recorded before.
 
         Raises:
-            FormatError: the bag is damaged.
+            FormatError: the bag is damaged, or a message is not of its topic's type.
         """
         chosen = [one for one in self._reader.connections if one.topic in topics]
         if not chosen:
             return
+        kinds = {topic: kind for topic, kind in self.topics.items() if topic in topics}
         with self._guarded():
             for connection, received, data in self._reader.messages(chosen, start):
+                self._check_kind(connection, kinds)
                 content = self._decoded(bytes(data), connection.msgtype)
                 yield Message(connection.topic, min(received, LAST_NS), content)
+
+    def _check_kind(self, connection: Any, kinds: dict[str, str]) -> None:
+        """Refuse messages with the fields of another type: an index may list a topic twice, or another's messages."""
+        if kinds.get(connection.topic) != SAME_AS.get(connection.msgtype, connection.msgtype):
+            raise FormatError(
+                f"{self.name}: {connection.topic[:80]} holds messages of two types; it is damaged, copy it again"
+            )
 
     def _decoded(self, data: bytes, kind: str) -> Any:
         store = _definitions(self._start.startswith(BAG1))

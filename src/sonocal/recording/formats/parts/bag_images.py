@@ -108,11 +108,7 @@ class BagFrames(Frames):
         where = f"{self._path.name}, frame {index}"
         if hasattr(message.content, "encoding"):
             return _raw(message.content, where, self._topic)
-        if hasattr(message.content, "format"):
-            return self._compressed(message.content, where)
-        raise FormatError(
-            f"{where}: {self._topic[:80]} holds messages of two types; it is damaged, copy it again"
-        )
+        return self._compressed(message.content, where)
 
     def _compressed(self, content: Any, where: str) -> Image:
         data = content.data.tobytes()

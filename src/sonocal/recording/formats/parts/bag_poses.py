@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sonocal.errors import FormatError, InputError
+from sonocal.errors import InputError
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.bag import Message
 from sonocal.recording.formats.parts.bag_images import stamp_of
@@ -54,10 +54,6 @@ class Transforms:
         elif hasattr(content, "transform"):
             child = content.child_frame_id or _thing(topic)
             _keep(self.moving, content, child, content.transform.rotation, content.transform.translation)
-        elif not hasattr(content, "pose"):
-            raise FormatError(
-                f"{self.name}: {topic[:80]} holds messages of two types; it is damaged, copy it again"
-            )
         else:
             _keep(self.moving, content, _thing(topic), content.pose.orientation, content.pose.position)
 

@@ -1,0 +1,205 @@
+"""Labels of wires that nobody names: how often they are found, called ambiguous, or wrong, and in what time.
+
+Real tables have their labels hidden, dots removed and added, images mirrored; simulated phantoms have known truth; and
+where nothing is right (wires displaced, poses shuffled, another phantom, noise) every answer is a wrong one. Thresholds
+were found on seeds below 1000.
+
+python -m benchmarks.association [--rows real phantoms wrong symmetric] [--seeds 20] [--first 1000]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+import sonocal as sc
+from benchmarks.simulators import phantoms
+from benchmarks.simulators.phantoms import Dots, spoilt
+from sonocal import registration as reg
+
+DATA = Path(__file__).parents[2] / "shared" / "data" / "observations"
+TABLES = ("depth15_polaris", "fcal12_ascension", "trus_3nwires")
+# (frames, removed, false): what is done to real tables.
+REAL = ((5, 0.3, 1.0), (20, 0.3, 1.0), (100, 0.3, 1.0), (20, 0.6, 1.0), (2, 0.0, 0.0))
+# Of dots that are given a label: more wrong ones, and the answer is wrong.
+MOST_WRONG = 0.05
+# Hypotheses are the limit here, so that another's work on the machine changes no count.
+LIMIT_S = 600.0
+
+
+def real(name: str) -> Dots:
+    """A real table's calibration rows, of frames in which every wire was seen."""
+    table = sc.read_observations(DATA / f"{name}.csv")
+    table = table.select(np.flatnonzero(table.split == "calibration"))
+    names, code = np.unique(table.target, return_inverse=True)
+    frames, frame = np.unique(table.frame, return_inverse=True)
+    wires = np.full((len(frames), len(names), 2, 3), np.nan)
+    wires[frame, code] = table.segments_mm
+    whole = np.isfinite(wires).all(axis=(1, 2, 3))
+    keep = whole[frame]
+    return Dots(table.points_px[keep], (np.cumsum(whole) - 1)[frame[keep]], code[keep], wires[whole])
+
+
+def some_frames(rng: np.random.Generator, dots: Dots, count: int, mirror: int) -> Dots:
+    """Frames drawn at random; images mirrored along u (1), v (2) or both (3)."""
+    chosen = np.sort(rng.choice(len(dots.wires), min(count, len(dots.wires)), replace=False))
+    keep = np.isin(dots.frame, chosen)
+    points = dots.points[keep] * [1 - 2 * (mirror & 1), 1 - (mirror & 2)] + 1000.0
+    return Dots(points, np.searchsorted(chosen, dots.frame[keep]), dots.truth[keep], dots.wires[chosen])
+
+
+def outcome(dots: Dots, seed: int) -> tuple[str, float]:
+    """What became of one set, and processor time, s."""
+    begin = time.process_time()
+    found = reg.associate(dots.points, dots.wires, frame=dots.frame, seed=seed, time_limit_s=LIMIT_S)
+    seconds = time.process_time() - begin
+    given = found.labels >= 0
+    wrong = np.count_nonzero(given & (dots.truth >= 0) & (found.labels != dots.truth))
+    if found.verdict == "found":
+        return ("right" if wrong <= MOST_WRONG * given.sum() else "WRONG"), seconds
+    return found.verdict, seconds
+
+
+def line(name: str, results: list[tuple[str, float]]) -> None:
+    """Print a row of the table."""
+    counts, seconds = Counter(one for one, _ in results), [one for _, one in results]
+    names = ("right", "ambiguous", "unfinished", "nothing fits", "WRONG")
+    middle, late = np.quantile(seconds, [0.5, 0.95])
+    print(
+        f"| {name} | " + " | ".join(str(counts[one]) for one in names) + f" | {middle:.2f} | {late:.2f} |",
+        flush=True,
+    )
+
+
+def real_rows(seeds: range) -> None:
+    """Real tables with hidden labels."""
+    for name in TABLES:
+        table = real(name)
+        for frames, removed, false in REAL:
+            results = []
+            for seed in seeds:
+                rng = np.random.default_rng(seed)
+                some = some_frames(rng, table, frames, seed % 4)
+                results.append(outcome(spoilt(rng, some, removed, false), seed))
+            line(f"{name}, {frames} frames, {removed:.0%} removed, {false:.0%} false", results)
+
+
+def phantom_rows(seeds: range) -> None:
+    """Simulated phantoms of thirteen kinds."""
+    for name, make in phantoms.KINDS.items():
+        results = []
+        for seed in seeds:
+            rng = np.random.default_rng(seed)
+            dots = phantoms.scan(rng, make(rng), 20)
+            results.append(outcome(spoilt(rng, dots, 0.1, 0.2), seed))
+        line(f"{name}, 20 frames", results)
+
+
+def symmetric_rows(seeds: range) -> None:
+    """A phantom that is all alike when it is turned, scanned along its wires."""
+    results = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        dots = phantoms.scan(rng, phantoms.symmetric(rng), 20, turn_rad=0.002, shift_mm=(0.3, 0.3, 20.0))
+        results.append(outcome(dots, seed))
+    line("six parallel wires of a hexagon, along them", results)
+
+
+def displaced(rng: np.random.Generator, dots: Dots) -> Dots:
+    """Every wire 6 mm from where it is said to be, in a direction of its own."""
+    # In the phantom's frame: that of the first frame, from which the others are rigid motions of the same wires.
+    base = dots.wires[0]
+    away = rng.normal(size=(len(base), 3))
+    moved = base + 6.0 * (away / np.linalg.norm(away, axis=1, keepdims=True))[:, None]
+    return Dots(
+        dots.points, dots.frame, dots.truth, np.stack([_carried(base, one, moved) for one in dots.wires])
+    )
+
+
+def _carried(base: np.ndarray, here: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """`moved` by the rigid motion that carries `base` to `here`."""
+    x, y = base.reshape(-1, 3), here.reshape(-1, 3)
+    u, _, vt = np.linalg.svd((x - x.mean(axis=0)).T @ (y - y.mean(axis=0)))
+    turn = vt.T @ np.diag([1, 1, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
+    return (moved - x.mean(axis=0)) @ turn.T + y.mean(axis=0)
+
+
+def wrong_rows(seeds: range) -> None:
+    """Where nothing is right: real tables and a simulated phantom."""
+    for name in (*TABLES[:2], "nine random wires"):
+        results: dict[str, list[tuple[str, float]]] = {}
+        for seed in seeds:
+            rng = np.random.default_rng(seed)
+            if name in TABLES:
+                dots = some_frames(rng, real(name), 20, seed % 4)
+            else:
+                dots = phantoms.scan(rng, phantoms.random_wires(rng, 9), 20)
+            for what, spoil in WRONG.items():
+                results.setdefault(what, []).append(refused(spoil(rng, dots), seed))
+        for what, each in results.items():
+            line(f"{name}: {what}", each)
+
+
+def refused(dots: Dots, seed: int) -> tuple[str, float]:
+    """As `outcome`, where every answer is wrong."""
+    verdict, seconds = outcome(
+        Dots(dots.points, dots.frame, np.full(len(dots.points), 10**6), dots.wires), seed
+    )
+    return verdict, seconds
+
+
+def shuffled(rng: np.random.Generator, dots: Dots) -> Dots:
+    """Poses of other frames."""
+    return Dots(dots.points, dots.frame, dots.truth, dots.wires[rng.permutation(len(dots.wires))])
+
+
+def another(rng: np.random.Generator, dots: Dots) -> Dots:
+    """Another phantom in its place, of as many wires."""
+    base = phantoms.random_wires(rng, dots.wires.shape[1])
+    ends = base + dots.wires[0].mean(axis=(0, 1))
+    return Dots(
+        dots.points,
+        dots.frame,
+        dots.truth,
+        np.stack([_carried(dots.wires[0], one, ends) for one in dots.wires]),
+    )
+
+
+def noise(rng: np.random.Generator, dots: Dots) -> Dots:
+    """Dots anywhere."""
+    low, high = dots.points.min(axis=0), dots.points.max(axis=0)
+    return Dots(rng.uniform(low, high, dots.points.shape), dots.frame, dots.truth, dots.wires)
+
+
+WRONG = {
+    "wires displaced by 6 mm": displaced,
+    "poses shuffled": shuffled,
+    "another phantom": another,
+    "noise": noise,
+}
+ROWS = {"real": real_rows, "phantoms": phantom_rows, "symmetric": symmetric_rows, "wrong": wrong_rows}
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS))
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=1000, help="first seed")
+    arguments = parser.parse_args()
+    seeds = range(arguments.first, arguments.first + arguments.seeds)
+    print(
+        "| what | right | ambiguous | unfinished | nothing fits | wrong | median, s | 95 %, s |\n"
+        + "|---" * 8
+        + "|"
+    )
+    for name in arguments.rows:
+        ROWS[name](seeds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,283 @@
+"""``sonocal reconstruct``: a volume of a calibrated sweep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sonocal.cli.existing import choice_of, of_other_software, refuse_choice
+from sonocal.cli.help import command
+from sonocal.cli.options import (
+    ANGLES,
+    FILE,
+    INVALID,
+    JSON,
+    LATENCY,
+    MARKERS,
+    MASK,
+    POSES,
+    PROBE,
+    WRITTEN,
+    progress,
+    typed,
+)
+from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.reading import read_given
+from sonocal.cli.screen.plain import say, say_json
+from sonocal.errors import InputError
+
+if TYPE_CHECKING:
+    from sonocal.reconstruction import Volume
+    from sonocal.recording import Recording
+
+__all__ = ["reconstruct"]
+
+OWN = (
+    *("spacing_mm", "bounds_mm", "reference", "interpolation", "compounding", "speckle", "longest_gap_mm"),
+    *("noise_mm", "noise_deg", "smooth", "coverage", "error", "axes", "threads"),
+)
+
+
+class _Numbers(click.ParamType[tuple[float, ...]]):
+    """Numbers with commas between them."""
+
+    def __init__(self, name: str, counts: tuple[int, ...]) -> None:
+        self.name, self.counts = name, counts
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """The numbers."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) not in self.counts:
+            wanted = " or ".join(map(str, self.counts))
+            self.fail(f"{value!r} is not {wanted} numbers with commas between them", param, ctx)
+        return numbers
+
+
+@command(
+    "Make a volume of a calibrated sweep.",
+    groups={
+        "What is read": (
+            "poses",
+            "angles",
+            "markers",
+            "probe",
+            "latency_s",
+            "on_invalid",
+            "transform",
+            "stored_as",
+        ),
+        "Where the voxels lie": ("spacing_mm", "bounds_mm", "reference"),
+        "How images come to voxels": (
+            *("interpolation", "compounding", "speckle", "longest_gap_mm", "mask", "like_plus", "threads"),
+        ),
+        "What is known of the tracker": ("noise_mm", "noise_deg", "smooth"),
+        "What is written and shown": ("output", "coverage", "error", "axes", "overwrite", "as_json"),
+    },
+    examples=(
+        "sonocal reconstruct sweep.igs.mha calibration.json -o volume.mha",
+        "sonocal reconstruct sweep.igs.mha calibration.json -o fine.nrrd --spacing 0.25 --threads 2",
+        "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus.xml -o as-plus.mha",
+    ),
+)
+@click.argument("recording", metavar="RECORDING", type=FILE)
+@click.argument("calibration", metavar="CALIBRATION", type=FILE)
+@click.option("-o", "--output", type=WRITTEN, required=True, help="Volume to write: .mha or .nrrd.")
+@click.option(
+    "--spacing",
+    "spacing_mm",
+    type=_Numbers("MM[,MM,MM]", (1, 3)),
+    default=(0.5,),
+    help="Of the voxels, mm; or along x, y and z.  [default: 0.5]",
+)
+@click.option(
+    "--bounds",
+    "bounds_mm",
+    type=_Numbers("X,Y,Z,X,Y,Z", (6,)),
+    help="The lowest and the highest corner, mm.  [default: around all images]",
+)
+@click.option("--reference", help="Frame of the volume.  [default: Reference, else the tracker's]")
+@click.option(
+    "--interpolation",
+    type=click.Choice(["between", "nearest", "linear"]),
+    default="between",
+    show_default=True,
+    help="between: along the probe's path from image to image; nearest, linear: each pixel to the voxels about it.",
+)
+@click.option(
+    "--compounding",
+    type=click.Choice(["mean", "maximum", "latest"]),
+    default="mean",
+    show_default=True,
+    help="Of several values of a voxel.",
+)
+@click.option(
+    "--speckle",
+    type=click.Choice(["averaged", "kept"]),
+    default="averaged",
+    show_default=True,
+    help="between: averaged over a voxel, or kept as single pixels show it.",
+)
+@click.option(
+    "--longest-gap",
+    "longest_gap_mm",
+    type=click.FloatRange(0),
+    default=10.0,
+    show_default=True,
+    help="between: images further apart are not interpolated between, mm.",
+)
+@click.option(
+    "--like-plus", type=FILE, metavar="DEVICESET", help="As PLUS makes it by this device set, to the voxel."
+)
+@click.option(
+    "--threads", type=click.IntRange(1, 64), default=1, show_default=True, help="That share the work."
+)
+@click.option(
+    "--coverage", is_flag=True, help="Write how many values each voxel was given, too: VOLUME-coverage."
+)
+@click.option(
+    "--error", is_flag=True, help="Write how far off each voxel is (95 %, micrometres), too: VOLUME-error-um."
+)
+@click.option(
+    "--noise-mm", type=click.FloatRange(0), default=0.0, help="Of its poses, rms along each axis, mm."
+)
+@click.option(
+    "--noise-deg", type=click.FloatRange(0), default=0.0, help="Of its poses, rms about each axis, degrees."
+)
+@click.option(
+    "--smooth", is_flag=True, help="Take out of the poses what of that noise their steadiness shows."
+)
+@click.option(
+    "--axes",
+    type=click.Choice(["lps", "ras"]),
+    default="lps",
+    show_default=True,
+    help="How other programs read x, y, z: as PLUS's files, or as 3D Slicer shows what a tracker streams.",
+)
+@POSES
+@ANGLES
+@MARKERS
+@PROBE
+@LATENCY
+@INVALID
+@MASK
+@of_other_software
+@OVERWRITE
+@JSON
+def reconstruct(
+    recording: Path,
+    calibration: Path,
+    output: Path,
+    *,
+    like_plus: Path | None,
+    mask: Path | None,
+    overwrite: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Put the images of a tracked 2D probe (RECORDING) into a volume, by its calibration (CALIBRATION).
+
+    CALIBRATION is calibration.json, or a matrix of other software: a device set of PLUS (.xml), a transform of ITK or
+    3D Slicer (.tfm, .h5), a 4 x 4 (text, .npy).
+    """
+    from sonocal.cli.formats import calibration_in
+    from sonocal.reconstruction.store import beside_volume
+
+    if like_plus is not None and (wrong := typed((*OWN[:-2], "threads", "mask"))):
+        raise click.UsageError(f"{wrong[0]} is not for --like-plus, whose device set says all of it")
+    channels = {"coverage": "coverage", "error": "error-um"}
+    written = [output, *(beside_volume(output, name) for option, name in channels.items() if options[option])]
+    _refuse_name(output)
+    reserve(*written)
+    loaded = calibration_in(calibration, choice_of(options))
+    refuse_choice(loaded)
+    _refuse_lag(loaded, calibration, options["latency_s"])
+    sweep = read_given(recording, options)
+    reserve(*written, read=sweep.provenance.paths)
+    with progress("making the volume") as report:
+        if like_plus is not None:
+            volume = _as_plus(sweep, loaded, like_plus, output, options | {"progress": report})
+        else:
+            volume = _own(sweep, loaded, mask, output, options | {"progress": report})
+    if as_json:
+        say_json(_record(volume, output))
+        return
+    say(_sentence(volume))
+    say(f"Wrote {' and '.join(map(str, written))}")
+
+
+def _own(sweep: Recording, loaded: Any, mask: Path | None, output: Path, options: dict[str, Any]) -> Volume:
+    import numpy as np
+
+    from sonocal.detection import read_mask
+    from sonocal.reconstruction import reconstruct as make
+
+    chosen = {name: options[name] for name in (*OWN, "probe", "on_invalid", "progress")}
+    chosen["spacing_mm"] = np.squeeze(options["spacing_mm"])
+    if options["bounds_mm"] is not None:
+        chosen["bounds_mm"] = np.reshape(options["bounds_mm"], (2, 3))
+    drawn = None if mask is None else read_mask(mask, sweep.frames.shape[:2])
+    return make(sweep, loaded, output, mask=drawn, **chosen)
+
+
+def _as_plus(
+    sweep: Recording, loaded: Any, device_set: Path, output: Path, options: dict[str, Any]
+) -> Volume:
+    from sonocal.reconstruction import reconstruct_like_plus, write_array
+
+    told = {name: options[name] for name in ("probe", "on_invalid", "progress")}
+    volume = reconstruct_like_plus(sweep, loaded, device_set, **told)
+    write_array(output, volume.values, volume.grid, volume.reference, options["axes"])
+    return volume
+
+
+def _refuse_name(output: Path) -> None:
+    from sonocal.reconstruction.files import SUFFIXES
+
+    if output.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"{output}: volumes are written as {' or '.join(SUFFIXES)}; choose one of these names"
+        )
+
+
+def _refuse_lag(loaded: Any, path: Path, latency_s: float) -> None:
+    """A calibration that undid a lag is for poses from which it is undone."""
+    from sonocal.calibration import Calibration
+
+    known = loaded.latency_s if isinstance(loaded, Calibration) else None
+    if known and not latency_s and not typed(("latency_s",)):
+        raise InputError(
+            f"{path}: undid a lag of {known:.3f} s between tracker and images; say what this recording has, --latency "
+            f"{known:.4g} where it is of the same set-up, or --latency 0"
+        )
+
+
+def _sentence(volume: Volume) -> str:
+    size = " x ".join(map(str, volume.grid.size))
+    spacing = " x ".join(f"{s:g}" for s in volume.grid.spacing_mm)
+    left = f", {volume.left_out} without a valid pose left out" if volume.left_out else ""
+    return (
+        f"{volume.images} images{left}: {size} voxels of {spacing} mm in {volume.reference}, "
+        f"{volume.filled_share:.0%} of them filled"
+    )
+
+
+def _record(volume: Volume, output: Path) -> dict[str, Any]:
+    return {
+        "volume": str(output),
+        "size": volume.grid.size,
+        "spacing_mm": volume.grid.spacing_mm,
+        "origin_mm": volume.grid.origin_mm,
+        "reference": volume.reference,
+        "images": volume.images,
+        "left_out": volume.left_out,
+        "filled_share": volume.filled_share,
+    }

@@ -1,0 +1,58 @@
+"""What the command line shows of a phantom that was put in place by its landmarks."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.text import Text
+
+from sonocal.cli.screen.parts import print_findings
+from sonocal.cli.screen.tables import NumberTable
+from sonocal.tools import PhantomRegistration
+
+__all__ = ["print_phantom"]
+
+# Of wires: those that the registration moves most.
+MOST_TARGETS = 5
+
+
+def print_phantom(console: Console, found: PhantomRegistration) -> None:
+    """Warnings first, what is known of the phantom's place, then its landmarks and wires, then the notes."""
+    print_findings(console, found.diagnostics, "warning")
+    console.print(_known(found))
+    console.print()
+    console.print(_landmarks(found))
+    if found.target_errors:
+        console.print(_targets(found))
+    print_findings(console, found.diagnostics, "info")
+
+
+def _known(found: PhantomRegistration) -> Text:
+    used, worst = sum(one.used for one in found.landmarks), found.worst
+    order = "in the order listed" if found.as_listed else "in an order of their own"
+    places = (
+        f"; its wires are known to {found.target_errors[0].within_95_mm:.2f} mm (95 %)"
+        if found.target_errors
+        else ""
+    )
+    return Text(
+        f"{found.phantom}To{found.reference}: {used} of {len(found.landmarks)} landmarks, touched {order}, "
+        f"{found.rms_mm:.2f} mm rms from their places{places}. Worst: {worst.name}, {worst.distance_mm:.2f} mm. "
+        f"Scale of the phantom: {found.scale:.4f} +-{1.96 * found.scale_deviation:.4f}."
+    )
+
+
+def _landmarks(found: PhantomRegistration) -> NumberTable:
+    table = NumberTable("Landmarks", "items", "off by, mm", "", first="name")
+    for one in found.landmarks:
+        items = ", ".join(f"{first}-{last}" for first, last in one.frames)
+        off = "" if one.distance_mm is None else f"{one.distance_mm:.2f}"
+        state = "used" if one.used else ("not touched" if one.distance_mm is None else "left out")
+        table.add_row(one.name, items, off, state)
+    return table
+
+
+def _targets(found: PhantomRegistration) -> NumberTable:
+    table = NumberTable("What the registration moves wires by, worst first", "95 % within, mm", first="name")
+    for one in found.target_errors[:MOST_TARGETS]:
+        table.add_row(one.name, f"{one.within_95_mm:.2f}")
+    return table

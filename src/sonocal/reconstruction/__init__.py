@@ -1,0 +1,13 @@
+"""From a calibrated sweep to a volume.
+
+A way to give voxels what images say of them is a class of `pieces`, a line in its `KINDS`, and a function of the core.
+"""
+
+from sonocal.reconstruction.files import write_array
+from sonocal.reconstruction.grid import Grid
+from sonocal.reconstruction.like_plus import reconstruct_like_plus
+from sonocal.reconstruction.making import reconstruct
+from sonocal.reconstruction.options import Options
+from sonocal.reconstruction.volume import Volume
+
+__all__ = ["Grid", "Options", "Volume", "reconstruct", "reconstruct_like_plus", "write_array"]

@@ -1,0 +1,48 @@
+// Verdict, numbers, findings, advice: all text is set as text, so that a name is never markup.
+import { state } from "./state.js";
+
+/** @param {string} id */
+const by = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
+/** @param {string} tag @param {string} [text] @param {Node[]} [inside] */
+export function el(tag, text = "", inside = []) { const one = document.createElement(tag); one.textContent = text; one.append(...inside); return one; }
+
+export function drawVerdict() {
+  const box = by("verdict"), answer = state.answer, refused = answer?.refused || state.work.refused;
+  box.className = `verdict ${refused ? "stop" : answer?.verdict?.level || ""}`;
+  if (refused) box.replaceChildren(el("strong", TITLES[refused.code || refused.kind] || "No calibration"), el("p", refused.sentence), el("p", ADVICE[refused.kind] || ""));
+  else if (answer?.verdict) box.replaceChildren(el("strong", answer.verdict.headline), el("p", answer.verdict.expectation), el("ul", "", answer.verdict.reasons.map((/** @type {string[]} */ r) => el("li", r[1]))));
+  else box.replaceChildren(el("strong", WAITING[state.work.phase] || ""), el("p", state.progress && state.work.phase === "looking" ? `${state.progress.done} of ${state.progress.of} images looked at; the images can be looked at meanwhile.` : ""));
+}
+/** @type {Record<string, string>} */
+const TITLES = { NoConsensusError: "No needle found", DegenerateGeometryError: "A motion is left free", InputError: "Not yet", FormatError: "This file cannot be read", bug: "sonocal made a mistake" };
+/** @type {Record<string, string>} */
+const ADVICE = { NoConsensusError: "Click the needle in a dozen images of different places and tilts: the calibration follows your points.", DegenerateGeometryError: "Scan what is missing, and join it to this recording.", InputError: "" };
+/** @type {Record<string, string>} */
+const WAITING = { connecting: "Connecting", empty: "Drop a recording here", opening: "Opening", looking: "Looking for the needle", ready: "Calibrating" };
+
+export function drawNumbers() {
+  const { fit, predicted } = state.answer || {}, mm = (/** @type {number | undefined} */ x) => (x === undefined ? "-" : `${x.toFixed(2)} mm`);
+  const rows = [["predicted error, 95 %, worst corner", mm(predicted?.worst_mm)], ["at the centre", mm(predicted?.centre_mm)], ["rms of residuals", mm(fit?.rms_mm)], ["sightings used", fit ? `${fit.used} of ${fit.of}` : "-"]];
+  by("numbers").replaceChildren(...rows.map(([name, value], i) => { const dd = el("dd", value); dd.id = `number-${i}`; if (!i) dd.className = "big"; return el("div", "", [el("dt", name), dd]); }));
+  by("numbers").dataset.revision = String(state.answer?.revision ?? "");
+}
+
+export function drawFindings() {
+  const refused = state.answer?.refused || state.work.refused, found = state.answer?.findings || refused?.findings || [];
+  by("findings").replaceChildren(...(found.length ? found.map((/** @type {any} */ one) => { const d = el("details", "", [el("summary", one.message), el("p", one.advice), el("p", one.code)]); d.className = one.severity; return d; }) : [el("p", "none")]));
+  const next = [...(state.answer?.coverage?.next || [])];
+  if (state.answer?.loosest) next.push(`Loosest is ${state.answer.loosest}.`);
+  by("next").replaceChildren(...(next.length ? next : ["nothing to say yet"]).map((one) => el("li", one)));
+}
+
+const STEPS = ["1 needle", "2 sweep", "3 check", "4 hand over"];
+export function drawHead() {
+  const { name, frames, size_px: size, tools, phase } = state.work;
+  by("what").textContent = name ? `${name}${frames ? `: ${frames} frames of ${size.join(" x ")} px; tracked: ${(tools || []).join(", ")}` : ""}` : "no recording";
+  const at = state.exported ? 4 : state.answer?.verdict ? 2 : (state.work.targets || []).length ? 1 : 0;
+  by("steps").replaceChildren(...STEPS.map((one, i) => { const li = el("li", one); li.className = i < at ? "done" : i === at ? "now" : ""; return li; }));
+  by("stage-note").textContent = phase === "empty" ? "Drop a recording and its needle.toml here, or choose them under Files." : "";
+  const banner = by("banner"), lost = state.connection === "lost";
+  const said = lost ? "The connection to sonocal is lost: start the same command again in the terminal. Every click that was kept is in the journal; others are sent when it is back." : state.notice;
+  banner.hidden = !said; banner.textContent = said; banner.className = lost ? "stop" : state.exported && said === state.exported.said ? "good" : "";
+}

@@ -1,0 +1,123 @@
+"""The server on its socket, and the address to open."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from sonocal.errors import InputError, UnsupportedError
+from sonocal.studio.app import Opener, application
+from sonocal.studio.desk import JOURNAL, Desk
+from sonocal.studio.guard import Guard
+from sonocal.studio.uploads import Uploads
+
+__all__ = ["serve"]
+
+LOOPBACK = "127.0.0.1"
+EVERYWHERE = ("0.0.0.0", "::")
+UPLOADED = "inputs"
+
+
+def serve(
+    folder: Path,
+    opener: Opener,
+    first: Sequence[Path] = (),
+    *,
+    host: str = LOOPBACK,
+    port: int = 0,
+    ready: Callable[[str], Any] = lambda address: None,
+) -> None:
+    """Serve the page until somebody interrupts.
+
+    Args:
+        folder: for the journal and for what is exported.
+        opener: opens what the page sends.
+        first: what is on the desk from the start: a recording and perhaps what is scanned, or a table.
+        host: to listen on; another than the loopback lets other machines in, who need the key, too.
+        port: 0 for one that is free.
+        ready: called with the address to open, which holds the key, when the server listens.
+
+    Raises:
+        InputError: the port is taken, or the host is none of this machine.
+        UnsupportedError: starlette, uvicorn or websockets is not installed.
+    """
+    uvicorn = _uvicorn()
+    listening = _listening(host, port)
+    port = int(listening.getsockname()[1])
+    refuse_foreign(folder)
+    desk = Desk(folder)
+    uploads = Uploads(folder / UPLOADED)
+    guard = Guard(application(desk, opener, uploads), hosts_of(host, port), port)
+    for path in first:
+        uploads.know(path)
+    if first:
+        source, *targets = first
+        desk.put(lambda: opener(source, targets[0] if targets else None))
+    shown = LOOPBACK if host in EVERYWHERE else host
+    named = f"[{shown}]" if ":" in shown else shown
+    config = uvicorn.Config(
+        guard,
+        log_level="warning",
+        ws_max_size=1 << 14,
+        ws_per_message_deflate=False,
+        server_header=False,
+        timeout_graceful_shutdown=1,
+    )
+    server = uvicorn.Server(config)
+    ready(f"http://{named}:{port}/?key={guard.key}")
+    try:
+        server.run(sockets=[listening])
+    finally:
+        desk.close()
+        listening.close()
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Refuse a folder that holds what no studio wrote.
+
+    Raises:
+        InputError: it does.
+    """
+    if folder.exists() and not (
+        folder.is_dir() and ((folder / JOURNAL).exists() or not any(folder.iterdir()))
+    ):
+        raise InputError(f"{folder}: holds other files than the studio's; choose another folder with -o")
+
+
+def hosts_of(host: str, port: int) -> frozenset[str]:
+    """What a request's Host may be: the loopback's names, and the one that was asked for."""
+    names = {"localhost", LOOPBACK, "[::1]"}
+    if host in EVERYWHERE:
+        names |= {socket.gethostname().lower(), socket.gethostbyname(socket.gethostname())}
+    else:
+        names.add(f"[{host}]" if ":" in host else host.lower())
+    return frozenset(f"{name}:{port}" for name in names)
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    made = socket.socket(family, socket.SOCK_STREAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind((host, port))
+        made.listen(64)
+    except OSError as error:
+        made.close()
+        raise InputError(
+            f"{host}:{port}: cannot be listened on ({error.strerror}); choose another --port, or leave it out"
+        ) from None
+    return made
+
+
+def _uvicorn() -> Any:
+    try:
+        import starlette  # noqa: F401 - is it there?
+        import uvicorn
+        import websockets  # noqa: F401
+    except ImportError as error:
+        raise UnsupportedError(
+            f"the studio needs {error.name}, which is not installed; pip install 'sonocal[studio]'"
+        ) from None
+    return uvicorn

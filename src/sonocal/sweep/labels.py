@@ -1,0 +1,89 @@
+"""Candidates that may each be of any of several wires: which is of which, before anything is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonocal.errors import NoConsensusError
+from sonocal.findings import Diagnostic
+from sonocal.geometry import Array
+from sonocal.observations import Observations, group_codes
+from sonocal.registration import Association, associate
+from sonocal.sweep.candidates import TIGHTNESS, Candidates
+
+__all__ = ["label_findings", "labels_of", "widened_mm"]
+
+LEAST_FRAMES = 2
+"""With two points or more: hypotheses are made of pairs of one image."""
+WIDEST = 2.0
+"""Times the threshold that labels were found with: a fifth of the distance between wires."""
+ADVICE = (
+    "scan the wires from more sides: tilt and turn the probe by 20 degrees and more, and move it across them"
+)
+
+
+def labels_of(table: Candidates) -> Association | None:
+    """The labels of candidates each of which is tried against every wire; None where they are not.
+
+    Args:
+        table: of one needle, of volumes, or of points whose wire is named, there is nothing to label.
+
+    Raises:
+        NoConsensusError: candidates and wires have nothing to do with each other.
+    """
+    parts = _parts(table.rows) if table.may_be_of_any else None
+    if parts is None:
+        return None
+    points, frame, wires = parts
+    found = associate(points, wires, frame=frame, threshold_mm=table.within_mm, seed=table.options.seed)
+    if found.verdict == "nothing fits" or found.target_from_source is None:
+        raise NoConsensusError(
+            f"{table.rows.source}: no labels of the {wires.shape[1]} wires fit: {found.reason}; check in the contact "
+            "sheet that they are visible and marked, and that the file of targets is of this phantom",
+            best_count=int(np.count_nonzero(found.labels >= 0)),
+        )
+    return found
+
+
+def _parts(rows: Observations) -> tuple[Array, NDArray[np.int64], Array] | None:
+    """Points (N, 2), the frame of each, and wires (F, L, 2, 3).
+
+    None where a point is not tried against every wire, or hardly an image shows two points.
+    """
+    names, wire = np.unique(rows.target, return_inverse=True)
+    frame = group_codes(rows.frame)
+    place = group_codes(rows.frame, *rows.points_px.T)
+    first = np.unique(place, return_index=True)[1]
+    if len(rows) != len(first) * len(names):
+        return None
+    wires = np.full((int(frame.max(initial=-1)) + 1, len(names), 2, 3), np.nan)
+    wires[frame, wire] = rows.segments_mm
+    if np.isnan(wires).any() or np.count_nonzero(np.bincount(frame[first]) > 1) < LEAST_FRAMES:
+        return None
+    return np.asarray(rows.points_px[first]), np.asarray(frame[first]), np.asarray(wires)
+
+
+def widened_mm(labels: Association | None, within_mm: float) -> float:
+    """How far a wire's own candidates may be, once labels stand: as its noise has it, up to twice as far."""
+    if labels is None or labels.verdict != "found":
+        return within_mm
+    # The distance of a point to a line in space has two components: its median is 1.18 standard deviations.
+    sigma_mm = float(np.nanmedian(labels.residuals_mm)) / 1.1774
+    return float(np.clip(TIGHTNESS[2] * sigma_mm, within_mm, WIDEST * within_mm))
+
+
+def label_findings(labels: Association | None) -> Iterator[Diagnostic]:
+    """What to know of labels that are not sure."""
+    if labels is None or labels.verdict == "found":
+        return
+    if labels.verdict == "ambiguous":
+        rivals = ", ".join(dict.fromkeys(one.name for one in labels.rivals))
+        message = f"which candidate is of which wire is ambiguous: {labels.reason} (rivals: {rivals})"
+    else:
+        message = f"the search for which candidate is of which wire was ended early: {labels.reason}"
+    yield Diagnostic(
+        code=f"labels-{labels.verdict}", severity="warning", message=message[:400], advice=ADVICE
+    )

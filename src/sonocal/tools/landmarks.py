@@ -1,0 +1,187 @@
+"""A phantom's place from one recording in which a stylus touched its landmarks, in whatever order.
+
+Touches are found by themselves (`find_rests`), told apart (`told_apart`) and fitted (`fit_phantom`). A small residual
+does not mean that the wires are where they should be: what they are off by follows from how far they are from the
+landmarks (Fitzpatrick, West and Maurer 1998), and is told for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sonocal.errors import DegenerateGeometryError, InputError, require
+from sonocal.findings import warnings_first
+from sonocal.geometry import Array
+from sonocal.recording import Recording
+from sonocal.recording.poses import OnInvalid
+from sonocal.targets import Point, Target, check_lines
+from sonocal.tools.calibrate import Stylus
+from sonocal.tools.landmark_findings import landmark_findings
+from sonocal.tools.landmark_fit import fit_phantom
+from sonocal.tools.landmark_match import LEAST_WIDTH_MM, Match, width_mm
+from sonocal.tools.landmark_result import LandmarkFit, PhantomRegistration, TargetError
+from sonocal.tools.landmark_search import Search, told_apart
+from sonocal.tools.poses import distinct_poses
+from sonocal.tools.rests import Rest, find_rests
+from sonocal.tools.tip_check import TipDoubt, tip_doubt
+
+__all__ = ["register_landmarks"]
+
+# Of landmarks in unknown order: three of them fit somewhere by chance.
+FEWEST, FEWEST_IN_ORDER = 4, 3
+# Where a recording has no times.
+RATE_HZ = 20.0
+
+
+def register_landmarks(
+    recording: Recording,
+    landmarks: Sequence[Point],
+    stylus: Stylus,
+    *,
+    reference: str | None = None,
+    targets: Sequence[Target] = (),
+    in_order: bool = False,
+    on_invalid: OnInvalid = "raise",
+    seed: int = 0,
+) -> PhantomRegistration:
+    """Where a phantom is, from a recording in which the stylus touched its landmarks.
+
+    Args:
+        recording: poses of the stylus, and of the reference where there is one.
+        landmarks: of the phantom, in its frame, mm.
+        stylus: its marker's name and its tip.
+        reference: marker that the phantom is fixed to; default: "Reference" where it was tracked, else the tracker.
+        targets: wires and planes of the phantom, in its frame, whose errors are told.
+        in_order: the landmarks were touched in the order listed.
+        on_invalid: what to do with poses marked valid that are not rigid.
+        seed: of the triples of landmarks that are tried, where these are very many.
+
+    Raises:
+        InputError: fewer than three landmarks, no such tool, too few touches, landmarks that are not in mm.
+        DegenerateGeometryError: the landmarks lie on one line ("points-on-one-line"), or the touches fit them in
+            several ways ("landmarks-ambiguous").
+        NoConsensusError: too few touches fit landmarks, or they fit the mirrored phantom.
+    """
+    require("recording", recording, Recording)
+    require("stylus", stylus, Stylus)
+    places = _places(landmarks)
+    frame = reference or _reference(recording)
+    poses = recording.between(frame, stylus.name, None, on_invalid)
+    used, repeats = distinct_poses(poses.matrices, poses.valid, recording.name)
+    tip = np.asarray(stylus.tip_mm, dtype=float)
+    tips = poses.matrices[:, :3, :3] @ tip + poses.matrices[:, :3, 3]
+    rests = find_rests(np.where(used[:, None], tips, np.nan), _times(recording))
+    fewest = FEWEST_IN_ORDER if in_order else FEWEST
+    if len(rests) < fewest:
+        raise InputError(
+            f"{recording.name}: the tip of {stylus.name} rested at {len(rests)} places, and {fewest} landmarks are "
+            "needed; hold it on each for a second or more, and check that --stylus-tip is the tip of this stylus"
+        )
+    doubt = tip_doubt(poses.matrices, tip, rests, stylus.name)
+    search = Search(recording.name, places, tuple(one.name for one in landmarks), fewest, in_order, seed)
+    match, rivals = told_apart(search, rests, doubt)
+    found = _registration(landmarks, frame, rests, match, targets)
+    if doubt is not None:
+        doubt = _if_it_mends(doubt, poses.matrices, found, landmarks, match)
+    findings = (*repeats, *landmark_findings(found, rivals, doubt))
+    return replace(found, diagnostics=warnings_first(findings))
+
+
+def _places(landmarks: Sequence[Point]) -> Array:
+    """(L, 3): the landmarks; refuses those that tell no place."""
+    require("landmarks", landmarks, Sequence, "a list of points")
+    for point in landmarks:
+        require("landmarks", point, Point, "a list of points")
+    check_lines("the phantom", landmarks, "landmarks")
+    places = np.array([point.place_mm for point in landmarks]).reshape(-1, 3)
+    if len(places) < FEWEST_IN_ORDER:
+        raise InputError(
+            f"a phantom is registered by three landmarks or more, better six; got {len(places)}: give each a "
+            "<Landmark> in the device set, or a [[point]]"
+        )
+    # In metres it is a thousandth, and still no line: what it is against its own length.
+    length = float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+    if length == 0 or width_mm(places) < min(LEAST_WIDTH_MM, 0.02 * length):
+        raise DegenerateGeometryError(
+            f"the phantom's {len(places)} landmarks lie on one line, about which it may turn; touch one beside it, too",
+            "points-on-one-line",
+        )
+    return places
+
+
+def _reference(recording: Recording) -> str:
+    frames = [frame for poses in recording.poses.values() for frame in (poses.source, poses.target)]
+    return next((frame for frame in frames if frame.lower() == "reference"), "Tracker")
+
+
+def _times(recording: Recording) -> Array:
+    times = recording.times
+    return times if np.isfinite(times).all() else np.arange(len(times)) / RATE_HZ
+
+
+def _registration(
+    landmarks: Sequence[Point], frame: str, rests: Sequence[Rest], match: Match, targets: Sequence[Target]
+) -> PhantomRegistration:
+    touched = np.unique(match.landmark[match.landmark >= 0])
+    of = {
+        int(k): [rest for rest, one in zip(rests, match.landmark, strict=True) if one == k] for k in touched
+    }
+    means = [_mean(of[int(k)]) for k in touched]
+    places = np.array([landmarks[int(k)].place_mm for k in touched])
+    fit = fit_phantom(places, np.array([mean for mean, _ in means]), np.array([v for _, v in means]))
+    at = {int(k): i for i, k in enumerate(touched)}
+    off = np.linalg.norm(fit.residuals_mm, axis=1)
+    shown = tuple(
+        LandmarkFit(
+            point.name,
+            point.place_mm,
+            means[at[k]][0] if k in at else None,
+            float(off[at[k]]) if k in at else None,
+            tuple((rest.first, rest.last) for rest in of.get(k, ())),
+            k in at and bool(fit.used[at[k]]),
+        )
+        for k, point in enumerate(landmarks)
+    )
+    found = PhantomRegistration(
+        phantom=landmarks[0].frame,
+        reference=frame,
+        reference_from_phantom=fit.matrix,
+        covariance=fit.covariance,
+        freedom=fit.freedom,
+        landmarks=shown,
+        rests=tuple(rests),
+        rms_mm=float(np.sqrt(np.mean(off[fit.used] ** 2))),
+        scale=fit.scale,
+        scale_deviation=fit.scale_deviation,
+        as_listed=bool((np.diff(match.landmark[match.landmark >= 0]) >= 0).all()),
+        target_errors=(),
+        diagnostics=(),
+    )
+    return replace(found, target_errors=_target_errors(found, targets))
+
+
+def _if_it_mends(
+    doubt: TipDoubt, matrices: Array, found: PhantomRegistration, landmarks: Sequence[Point], match: Match
+) -> TipDoubt | None:
+    """The doubt, where touches with the tip corrected are no further from their landmarks."""
+    moved = [
+        replace(
+            rest, point_mm=rest.point_mm + matrices[rest.rows, :3, :3].mean(axis=0) @ doubt.tip_correction_mm
+        )
+        for rest in found.rests
+    ]
+    return doubt if _registration(landmarks, "", moved, match, ()).rms_mm <= found.rms_mm else None
+
+
+def _mean(rests: Sequence[Rest]) -> tuple[Array, float]:
+    """Of the touches of one landmark: their place, and its variance a coordinate."""
+    places = np.mean([rest.point_mm for rest in rests], axis=0)
+    return places, float(np.mean([np.trace(rest.covariance) / 3 for rest in rests]) / len(rests))
+
+
+def _target_errors(found: PhantomRegistration, targets: Sequence[Target]) -> tuple[TargetError, ...]:
+    errors = [TargetError(one.name, float(found.within_95_mm(one.spanning_mm).max())) for one in targets]
+    return tuple(sorted(errors, key=lambda one: -one.within_95_mm))

@@ -1,0 +1,113 @@
+"""``sonocal tool --landmarks``: a phantom's place into a device set or a file of targets."""
+
+import json
+
+import numpy as np
+import pytest
+from benchmarks.simulators.landmark_session import EIGHT, TIP, session
+from click.testing import CliRunner
+
+from sonocal.cli.main import main
+from sonocal.recording import Poses, Recording
+from sonocal.recording.formats import write_recording
+from sonocal.targets import read_device_set, read_targets
+
+WIRES = '<Pattern Type="NWire"><Wire Name="a" EndPointFront="30 0 20" EndPointBack="30 40 20"/></Pattern>'
+
+
+def device_set(landmarks=EIGHT, tip=TIP):
+    places = "".join(
+        f'<Landmark Name="#{i + 1}" Position="{" ".join(map(str, x))}"/>' for i, x in enumerate(landmarks)
+    )
+    matrix = " ".join(f"{x} " for x in np.vstack([np.column_stack([np.eye(3), tip]), [0, 0, 0, 1]]).ravel())
+    return (
+        "<PlusConfiguration>\r\n  <CoordinateDefinitions>\r\n"
+        f'    <Transform From="StylusTip" To="Stylus"   Matrix="{matrix}"/>\r\n  </CoordinateDefinitions>\r\n'
+        f"<PhantomDefinition><Geometry>{WIRES}<Landmarks>{places}</Landmarks></Geometry></PhantomDefinition>"
+        "<!-- kept -->\r\n</PlusConfiguration>\r\n"
+    )
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A session, and phantoms of both kinds, in the folder that commands run in."""
+    times, poses, truth, _ = session(np.random.default_rng(11), seconds=(1.5, 3.0), lost=0.0)
+    pose = Poses.of("Stylus", "Reference", poses)
+    write_recording(Recording(times, poses={pose.name: pose}), tmp_path / "touches.igs.mha")
+    (tmp_path / "phantom.xml").write_bytes(device_set().encode())
+    points = "\n".join(
+        f'[[point]]\nname = "{i}"\nframe = "Phantom"\nat_mm = {x.tolist()}' for i, x in enumerate(EIGHT)
+    )
+    line = (
+        '\n[[line]]\nname = "a"\nframe = "Phantom"\nfrom_mm = [30.0, 0.0, 20.0]\nto_mm = [30.0, 40.0, 20.0]\n'
+    )
+    (tmp_path / "phantom.toml").write_text(points + line)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path, truth
+
+
+def run(*arguments):
+    return CliRunner(env={"COLUMNS": "100"}).invoke(main, ["tool", *arguments])
+
+
+def test_the_place_is_put_into_the_device_set_and_nothing_else_changes(folder):
+    path, truth = folder
+    done = run("touches.igs.mha", "--landmarks", "phantom.xml", "-o", "registered.xml")
+    assert done.exit_code == 0, done.output
+    assert "PhantomToReference: 8 of 8 landmarks" in done.output
+    before, after = (path / "phantom.xml").read_bytes(), (path / "registered.xml").read_bytes()
+    at = after.index(b"    <!-- PhantomToReference")
+    end = after.index(b"\r\n", after.index(b"<Transform", at)) + 2
+    assert after[:at] + after[end:] == before
+    written = read_device_set(path / "registered.xml").transforms["Reference", "Phantom"]
+    np.testing.assert_allclose(
+        EIGHT @ written[:3, :3].T + written[:3, 3], EIGHT @ truth[:3, :3].T + truth[:3, 3], atol=1
+    )
+
+
+def test_a_file_of_targets_gets_the_wires_in_the_reference(folder):
+    path, truth = folder
+    tip = ",".join(map(str, TIP))
+    done = run("touches.igs.mha", "--landmarks", "phantom.toml", "--stylus-tip", tip, "-o", "placed.toml")
+    assert done.exit_code == 0, done.output
+    placed = read_targets(path / "placed.toml")
+    assert ([x.frame for x in placed.lines], placed.points) == (["Reference"], ())
+    expected = np.array([[30.0, 0, 20], [30, 40, 20]]) @ truth[:3, :3].T + truth[:3, 3]
+    np.testing.assert_allclose(placed.lines[0].segment_mm, expected, atol=1)
+
+
+def test_programs_get_the_numbers(folder):
+    done = run("touches.igs.mha", "--landmarks", "phantom.xml", "--json")
+    found = json.loads(done.output)
+    assert len(found["landmarks"]) == 8
+    assert found["target_errors"][0]["name"] == "a"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words", "status"),
+    [
+        (["--landmarks", "phantom.toml"], "phantom.toml: says nothing of the tip of Stylus; give it with", 1),
+        (["--landmarks", "phantom.xml", "--stylus", "Pointer"], "has 0 transforms of a tip to Pointer", 1),
+        (["--landmarks", "touches.igs.mha"], "touches.igs.mha: is", 1),
+        (["--landmarks", "bare.xml"], "bare.xml: its phantom has no landmarks; give each a", 1),
+        (["--landmarks", "metres.xml"], "multiply its places by 1000", 1),
+        (["--landmarks", "phantom.xml", "-o", "x.txt"], "is written as .xml or .toml", 1),
+        (
+            ["--landmarks", "phantom.toml", "--stylus-tip", "0,0,-9", "-o", "x.xml"],
+            "needs a device set to stand in",
+            1,
+        ),
+        (["--landmarks", "phantom.xml", "-o", "phantom.xml"], "is what this command reads", 1),
+        (["--landmarks", "phantom.xml", "--spin", "touches.igs.mha"], "--spin is for tools", 2),
+        (["--in-order"], "--in-order is for --landmarks, which is missing", 2),
+    ],
+)
+def test_what_does_not_do_is_refused_in_a_sentence(folder, arguments, words, status):
+    path, _ = folder
+    (path / "bare.xml").write_text("<PlusConfiguration/>")
+    (path / "metres.xml").write_text(device_set(EIGHT / 1000))
+    held = sorted(path.iterdir())
+    done = run("touches.igs.mha", *arguments)
+    assert done.exit_code == status, done.output
+    assert words in " ".join(done.output.split())
+    assert sorted(path.iterdir()) == held
