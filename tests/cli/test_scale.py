@@ -68,6 +68,22 @@ def test_a_recording_takes_a_known_scale(tmp_path):
     assert found.model == "rigid"
     assert (found.probe_from_image.scales == 0.48).all()
     assert not found.models[0].contradicts
+    result = run(
+        "calibrate",
+        recording,
+        "--lines",
+        needle,
+        "--scale",
+        0.7 * 0.48,
+        "--no-report",
+        "-o",
+        tmp_path / "far",
+        "--json",
+    )
+    told = json.loads(result.stdout)
+    assert told["verdict"]["level"] == "stop"
+    assert "known-scale-disagrees" in [one["code"] for one in told["diagnostics"]]
+    assert "known-scale-unchecked" not in [one["code"] for one in told["diagnostics"]]
 
 
 @pytest.mark.parametrize(

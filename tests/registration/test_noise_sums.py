@@ -81,15 +81,29 @@ def test_sums_between_groups_are_those_of_dense_matrices(seed, weighting):
         np.testing.assert_allclose(sums.of_offsets[place], pulled @ pulled.T, atol=1e-9 * scale)
 
 
-def spread_of_levels(by_level, left_over):
-    """Inverse information of the levels' squares by restricted likelihood, with what bounds their difference."""
+def errors_of_levels(by_level, left_over, log_ratio):
+    """Mean square and bias of the levels' squares, found by restricted likelihood; of two, with a prior."""
     scaled = by_level / np.abs(by_level).max(axis=0)
     parts = [left_over * column for column in scaled.T]
     information = np.array([[0.5 * np.trace(a @ b) for b in parts] for a in parts])
-    if len(parts) == 2:
-        difference = scaled.mean(axis=0) * [1.0, -1.0]
-        information += np.outer(difference, difference)
-    return scaled, np.linalg.pinv(information, rcond=1e-10, hermitian=True)
+    if len(parts) == 1:
+        return scaled, 1 / information, np.zeros(1)
+    apart = np.array([1.0, -1.0]) / np.abs(by_level).max(axis=0)
+    inverse = np.linalg.pinv(information + np.outer(apart, apart) / 4, rcond=1e-10, hermitian=True)
+    bias = -inverse @ apart * log_ratio / 4
+    return scaled, inverse @ information @ inverse + np.outer(bias, bias), bias
+
+
+def log_ratio_of_parts(rows, fit):
+    """Of what pixels and segment ends have in the variances of all residuals across the needles."""
+    ends, points = rows.segments_mm[fit.inlier], fit.transform @ rows.points[fit.inlier]
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    along /= length[:, None]
+    linear = fit.transform.matrix[:3, : rows.dimension]
+    seen = np.sum(linear**2) - np.sum((along @ linear) ** 2, axis=1)
+    tau = np.sum((points - ends.mean(axis=1)) * along, axis=1) / (length / 2)
+    return np.log(fit.sigma_px**2 * np.sum(seen) / (fit.sigma_mm**2 * np.sum(1 + tau**2)))
 
 
 @given(seeds, dimensions, st.sampled_from([(False, False), (True, False), (False, True)]))
@@ -104,8 +118,15 @@ def test_the_wider_covariance_is_that_of_dense_matrices(seed, dimension, known):
         np.testing.assert_array_equal(sums.covariance, fit.covariance)
         return
     left_over = np.eye(len(jacobian)) - jacobian @ fit.covariance @ jacobian.T
-    scaled, spread = spread_of_levels(by_level, left_over)
+    # Of the logarithms: what they are a part of is the variance of one.
+    size_of = np.array([fit.sigma_px**2, fit.sigma_mm**2])[: by_level.shape[1]]
+    if by_level.shape[1] == 2:
+        by_level = by_level * size_of
+    scaled, spread, bias = errors_of_levels(by_level, left_over, log_ratio_of_parts(rows, fit))
     wider = fit.covariance.copy()
+    for column, off in zip(by_level.T, bias / np.abs(by_level).max(axis=0), strict=True):
+        share = (jacobian * column[:, None]).T @ jacobian
+        wider += np.expm1(-off) * fit.covariance @ share @ fit.covariance
     for i, j in np.ndindex(spread.shape):
         hidden = (jacobian * scaled[:, [i]]).T @ left_over @ (jacobian * scaled[:, [j]])
         wider += 2.0 * spread[i, j] * fit.covariance @ hidden @ fit.covariance
