@@ -12,8 +12,8 @@ namespace {
 // Chi-squared of 1, 2 and 3 residuals that 1 sound row in 1000 exceeds.
 constexpr double kOutlier[4] = {0, 10.83, 13.82, 16.27};
 constexpr int kChoiceRounds = 6;
-// So many candidates of the search are fitted; of few rows, which often have two answers, all that are kept.
-constexpr int kFitted = 4, kFittedOfFew = 12, kFewRows = 40;
+// So many candidates of the search are fitted.
+constexpr int kFitted = 4;
 
 // The unknown target that most rows see.
 int lead_of(const PosedRows& rows) {
@@ -117,10 +117,9 @@ std::vector<FoundPlaces> find_places(const PosedRows& rows, const PosedTable& ta
     starts.push_back(n.to_normalised(*options.start));
   } else {
     const PosedRows lead(table, lead_of(rows));
-    const std::size_t most = lead.size() < kFewRows ? kFittedOfFew : kFitted;
     for (const PlaceCandidate& candidate : search_place(lead, options.scales, options.search)) {
       starts.push_back(n.to_normalised(lead.normalisation().to_original(candidate.answer.a)));
-      if (starts.size() == most) break;
+      if (starts.size() == kFitted) break;
     }
   }
   std::vector<FoundPlaces> all;
