@@ -37,8 +37,8 @@ NOT_RUN = {
     "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the page's sweep is "
     "short and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",
-    "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus-volume.xml -o as-plus.mha": "a device set that says how "
-    "PLUS makes volumes; tests/reconstruction/test_plus.py has PLUS's own",
+    "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus-volume.xml -o as-plus.mha": "needs a device "
+    "set that says how PLUS makes volumes; tests/reconstruction/test_plus.py has PLUS's own",
     "python3 -m venv .venv": "makes an environment: scripts/environment.sh does, before any test",
     "source .venv/bin/activate": "changes the reader's shell",
     "pip install '.[report]'": "compiles for minutes: scripts/environment.sh does, before any test",
