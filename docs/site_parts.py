@@ -24,7 +24,8 @@ THEIRS = re.compile(
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
     "Cell", "Centre", "Compounding", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images", "Interpolation",
-    "Keywords", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress",
+    "Keywords", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "PlaneSamples", "PointLineRows",
+    "PointsKeywords", "Progress",
     "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
