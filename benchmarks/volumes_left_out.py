@@ -42,10 +42,11 @@ def left_out(_: Any) -> None:
             truth = recording.frames[k][v, u].astype(float)
             ours = sc.reconstruct(rest, calibration, mask=mask, coverage=True)
             plus = reconstruct_like_plus(rest, calibration, DATA / devices)
-            covered = sampled(plus, plus.values > 0, points)[1]
+            given = (plus.coverage > 0) | (plus.values > 0)  # holes that were filled have no weight
+            covered = sampled(plus, given, points)[1]
             for title, volume, filled in (
                 ("default", ours, ours.coverage > 0),
-                ("as PLUS", plus, plus.values > 0),
+                ("as PLUS", plus, given),
             ):
                 value, there = sampled(volume, filled, points)
                 found[title].append((value - truth, there, covered))

@@ -23,9 +23,10 @@ THEIRS = re.compile(
 )
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
-    "Cell", "Centre", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images", "Keywords", "MappedRows",
-    "MappedTargets", "Model", "Noise", "OnInvalid", "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress",
-    "Said", "SpannedRows", "Table", "TargetRows", "Weighting",
+    "Cell", "Centre", "Compounding", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images", "Interpolation",
+    "Keywords", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "PlaneSamples", "PointLineRows",
+    "PointsKeywords", "Progress",
+    "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
 ARRAYS = [

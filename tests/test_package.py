@@ -12,8 +12,8 @@ import sonocal as sc
 PUBLIC = [
     "AxisScaled", "Calibration", "DegenerateGeometryError", "Diagnostic", "ErrorStatistics", "FormatError",
     "InputError", "Line", "NoConsensusError", "Observations", "Recording", "Similarity", "SonocalError",
-    "UnsupportedError", "__version__", "calibrate", "calibrate_recording", "load", "read_observations",
-    "read_recording", "write_observations", "write_recording",
+    "UnsupportedError", "Volume", "__version__", "calibrate", "calibrate_recording", "load", "read_observations",
+    "read_recording", "reconstruct", "write_observations", "write_recording",
 ]  # fmt: skip
 
 

@@ -39,8 +39,8 @@ NOT_RUN = {
     "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml": "needs a session of a "
     "stylus; tests/cli/test_landmarks.py has one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",
-    "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus-volume.xml -o as-plus.mha": "a device set that "
-    "says how PLUS makes volumes; tests/reconstruction/test_plus.py has PLUS's own",
+    "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus-volume.xml -o as-plus.mha": "needs a device "
+    "set that says how PLUS makes volumes; tests/reconstruction/test_plus.py has PLUS's own",
     "python3 -m venv .venv": "makes an environment: scripts/environment.sh does, before any test",
     "source .venv/bin/activate": "changes the reader's shell",
     "pip install '.[report]'": "compiles for minutes: scripts/environment.sh does, before any test",

@@ -19,6 +19,7 @@ from sonocal.existing import Existing
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import AxisScaled, Similarity
 from sonocal.geometry.shown import brief
+from sonocal.reconstruction import Grid
 from sonocal.recording import ArrayFrames, Frames
 from sonocal.registration import Registration, point_line, register
 from sonocal.simulation.scene import simulate_observations
@@ -93,6 +94,15 @@ def shown(tmp_path_factory):
         "report": sc.report.Report(b"x" * 10**6),
         "detector": PointDetector(np.ones((300, 200), dtype=bool)),
         "detector of walls": WallDetector(np.ones((300, 200), dtype=bool)),
+        "volume": sc.Volume(
+            np.zeros((3, 4, 5), np.uint8),
+            Grid(np.zeros(3), np.ones(3), (5, 4, 3)),
+            LONG,
+            10**9,
+            0,
+            60,
+            source=LONG,
+        ),
         "store": Store(folder, load_study("needles"), "0"),
         **errors,
     }

@@ -29,7 +29,7 @@ NRRD_TYPES = {"uint8": "uint8", "uint16": "uint16", "float32": "float"}
 SIGNS = {"lps": (1.0, 1.0, 1.0), "ras": (-1.0, -1.0, 1.0)}
 ZEROS = 1 << 24
 DIRTY_BYTES = 64 << 20
-"""Of a mapped file, written and still in memory: then they are given to the disk."""
+"""Smaller files may stay in memory until they are whole."""
 
 
 def volume_header(path: Path, grid: Grid, dtype: np.dtype[Any], reference: str, axes: Axes = "lps") -> bytes:
@@ -137,12 +137,13 @@ def _take_room(handle: int, start: int, size: int) -> None:
 
 
 def _release(pages: mmap.mmap, size: int) -> Callable[[], None]:
-    """What gives written pages to the disk, so that a file larger than the memory may be written."""
+    """What gives written pages to the system, so that a file larger than the memory may be written."""
 
     def release() -> None:
         if size > DIRTY_BYTES and hasattr(pages, "madvise"):
-            pages.flush()
-            pages.madvise(mmap.MADV_DONTNEED)
+            pages.madvise(
+                mmap.MADV_DONTNEED
+            )  # of a file: its pages are the system's to write, and no longer ours
 
     return release
 

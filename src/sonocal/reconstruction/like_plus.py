@@ -28,6 +28,8 @@ from sonocal.targets.device_set import read_device_set
 __all__ = ["reconstruct_like_plus"]
 
 Report = Callable[[int, int], None]
+PIXEL = 256
+"""What PLUS adds to a voxel's weight for a pixel."""
 
 
 def reconstruct_like_plus(
@@ -72,7 +74,17 @@ def reconstruct_like_plus(
     values, weights = np.zeros(grid.shape, np.uint8), np.zeros(grid.shape, np.uint16)
     _insert(placed, grid, settings, (values, weights), progress or (lambda done, total: None))
     values, filled = _without_holes(values, weights, settings)
-    return Volume(values, grid, placed.reference, len(placed), left_out, filled, source=placed.name)
+    coverage = (weights + np.uint32(PIXEL - 1)) // PIXEL
+    return Volume(
+        values,
+        grid,
+        placed.reference,
+        len(placed),
+        left_out,
+        filled,
+        coverage.astype(np.uint16),
+        source=placed.name,
+    )
 
 
 def _every(placed: Placed, every: int) -> Placed:

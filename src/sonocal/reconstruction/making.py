@@ -153,7 +153,8 @@ def _fill(images: Crossing, into: Store, report: Report) -> int:
                         batch = images.batch(start, stop, kept.read(start, stop))
                         _all(pool, partial(_insert, batch), pieces)
                     report(number * len(ranges) + k + 1, steps)
-                filled += sum(_all(pool, lambda piece: _settle(piece, into), pieces))
+                filled += sum(_all(pool, partial(_settle, into), pieces))
+                del pieces  # before the next are made
     finally:
         kept.close()
     return filled
@@ -167,7 +168,7 @@ def _insert(batch: Batch, piece: Piece) -> None:
     piece.insert(batch)
 
 
-def _settle(piece: Piece, into: Store) -> int:
+def _settle(into: Store, piece: Piece) -> int:
     values, counts = piece.settle(into.values.dtype)
     into.put(piece.place, values, counts)
     return int(np.count_nonzero(counts))
