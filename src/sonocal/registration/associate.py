@@ -64,7 +64,7 @@ class Association:
             sure; "nothing fits": dots and lines have nothing to do with each other, as far as is seen. Labels are
             answers where it is "found" alone.
         reason: of the verdict, in a sentence.
-        labels: (N,): the line of each dot, -1 for none.
+        labels: (N,): the line of each dot, -1 for none, and where two lines cross so near to it that noise decides.
         residuals_mm: (N,): of each dot from its line; NaN without one.
         target_from_source: the similarity that they were found with, mm from px; None where nothing was.
         rivals: other answers that the dots do not exclude, with other labels.
@@ -238,7 +238,9 @@ def _nothing(table: LabelTable, within_mm: float, tried: int, why: str) -> Assoc
 def _as_given(table: LabelTable, settled: Settled) -> tuple[NDArray[np.int64], Array]:
     """Labels and distances in the order in which the dots were given."""
     labels, distances = np.empty(len(table.points), dtype=np.int64), np.empty(len(table.points))
-    labels[table.order], distances[table.order] = settled.labels, settled.distances_mm
+    sure = table.sure(settled)
+    labels[table.order] = np.where(sure, settled.labels, -1)
+    distances[table.order] = np.where(sure, settled.distances_mm, np.nan)
     return labels, distances
 
 

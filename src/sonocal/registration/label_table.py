@@ -16,6 +16,8 @@ __all__ = ["LabelTable", "Settled"]
 MOST_DOTS, MOST_WIRES = 255, 255
 SPACING_SHARE, LEAST_MM, MOST_MM = 0.2, 1.0, 5.0
 SAMPLES = 64
+# Standard deviations that a second wire must be farther from a dot than its own.
+CLEARLY = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +120,22 @@ class LabelTable:
             for j in range(i)
         ]
         return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_MM, MOST_MM))
+
+    def sure(self, settled: Settled) -> NDArray[np.bool_]:
+        """(N,): labelled dots that are not about as near to a second wire, as where two cross in the image."""
+        ends = self.wires[self.frame]
+        along = ends[:, :, 1] - ends[:, :, 0]
+        along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+        away = (self.points @ settled.matrix[:3, :2].T + settled.matrix[:3, 3])[:, None] - ends[:, :, 0]
+        away = away - np.einsum("nli,nli->nl", away, along)[..., None] * along
+        distances = np.linalg.norm(away, axis=-1)
+        labelled = np.flatnonzero(settled.labels >= 0)
+        own = distances[labelled, settled.labels[labelled]]
+        distances[labelled, settled.labels[labelled]] = np.inf
+        sigma = float(np.median(own)) / 1.1774 if len(own) else 0.0
+        sure = np.zeros(len(self.points), dtype=bool)
+        sure[labelled] = distances[labelled].min(axis=1) > own + CLEARLY * sigma
+        return sure
 
     def shuffled(self, by: int) -> LabelTable:
         """The same dots against the wires of other frames."""

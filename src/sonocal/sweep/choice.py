@@ -143,9 +143,7 @@ def calibrate_chosen(
     table, settled = _looked_again(table, look_again, transform, first)
     chosen, twin = upper_of_two(table, *settled, across)
     used = table.agreeing(chosen)
-    if labels is None and used < _least_agreeing(
-        table, total
-    ):  # of a few images most agree by chance, until one looks closer
+    if used < _least_agreeing(table, total, labels):  # of a few, most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
     last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen), latency=None)
     calibration = calibrate(table.at(chosen), **last)
