@@ -176,6 +176,8 @@ def test_reprs_say_what_is_in_them(shown):
 UNIT = re.compile(r"_(mm|px|s|ms|deg|hz|mm_per_px)$")
 # Numbers without a unit.
 BARE = {
+    "size_ratio",
+    "size_ratio_deviation",
     "confidence",
     "score",
     "correlation",
