@@ -36,8 +36,6 @@ INSTEAD = {
 NOT_RUN = {
     "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the page's sweep is "
     "short and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
-    "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml": "needs a session of a "
-    "stylus; tests/cli/test_landmarks.py has one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",
     "python3 -m venv .venv": "makes an environment: scripts/environment.sh does, before any test",
     "source .venv/bin/activate": "changes the reader's shell",
