@@ -4,37 +4,18 @@ import json
 
 import numpy as np
 import pytest
-from benchmarks.simulators.landmark_session import EIGHT, TIP, session
+from benchmarks.simulators.landmark_session import EIGHT, TIP
 from click.testing import CliRunner
 
 from sonocal.cli.main import main
-from sonocal.recording import Poses, Recording
-from sonocal.recording.formats import write_recording
 from sonocal.targets import read_device_set, read_targets
-
-WIRES = '<Pattern Type="NWire"><Wire Name="a" EndPointFront="30 0 20" EndPointBack="30 40 20"/></Pattern>'
-
-
-def device_set(landmarks=EIGHT, tip=TIP):
-    places = "".join(
-        f'<Landmark Name="#{i + 1}" Position="{" ".join(map(str, x))}"/>' for i, x in enumerate(landmarks)
-    )
-    matrix = " ".join(f"{x} " for x in np.vstack([np.column_stack([np.eye(3), tip]), [0, 0, 0, 1]]).ravel())
-    return (
-        "<PlusConfiguration>\r\n  <CoordinateDefinitions>\r\n"
-        f'    <Transform From="StylusTip" To="Stylus"   Matrix="{matrix}"/>\r\n  </CoordinateDefinitions>\r\n'
-        f"<PhantomDefinition><Geometry>{WIRES}<Landmarks>{places}</Landmarks></Geometry></PhantomDefinition>"
-        "<!-- kept -->\r\n</PlusConfiguration>\r\n"
-    )
+from tests.builders.phantoms import device_set, write_touches
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A session, and phantoms of both kinds, in the folder that commands run in."""
-    times, poses, truth, _ = session(np.random.default_rng(11), seconds=(1.5, 3.0), lost=0.0)
-    pose = Poses.of("Stylus", "Reference", poses)
-    write_recording(Recording(times, poses={pose.name: pose}), tmp_path / "touches.igs.mha")
-    (tmp_path / "phantom.xml").write_bytes(device_set().encode())
+    truth = write_touches(tmp_path)
     points = "\n".join(
         f'[[point]]\nname = "{i}"\nframe = "Phantom"\nat_mm = {x.tolist()}' for i, x in enumerate(EIGHT)
     )

@@ -36,8 +36,6 @@ INSTEAD = {
 NOT_RUN = {
     "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the page's sweep is "
     "short and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
-    "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml": "needs a session of a "
-    "stylus; tests/cli/test_landmarks.py has one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",
     "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus-volume.xml -o as-plus.mha": "needs a device "
     "set that says how PLUS makes volumes; tests/reconstruction/test_plus.py has PLUS's own",

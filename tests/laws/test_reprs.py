@@ -187,6 +187,8 @@ UNIT = re.compile(r"_(mm|px|s|ms|deg|hz|mm_per_px)$")
 # Numbers without a unit.
 BARE = {
     "ratio",
+    "size_ratio",
+    "size_ratio_deviation",
     "confidence",
     "score",
     "correlation",

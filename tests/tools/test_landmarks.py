@@ -1,5 +1,7 @@
 """A phantom put in place by touching its landmarks: found whatever the order, and refused where nothing tells it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from benchmarks.landmarks import covered, is_right, one, registered
@@ -7,12 +9,15 @@ from benchmarks.simulators.landmark_session import BOX, EIGHT, TIP, session
 from scipy.spatial.transform import Rotation
 
 from sonocal import DegenerateGeometryError, InputError, NoConsensusError
+from sonocal.geometry import Similarity
 from sonocal.recording import Poses, Recording
 from sonocal.recording.formats import read_recording
+from sonocal.registration.uncertainty import point_covariance
 from sonocal.targets import Point, read_device_set
 from sonocal.tools import Stylus, register_landmarks
 from sonocal.tools.rests import find_rests
 
+DATA = Path(__file__).parents[3] / "shared" / "data"
 QUICK = {"seconds": (1.5, 3.0)}
 
 
@@ -59,9 +64,6 @@ def test_errors_of_targets_are_those_of_fitzpatrick():
         (np.sum(along**2) - along[0, k] ** 2) / np.mean(np.sum(middle**2, axis=1) - (middle @ axes[k]) ** 2)
         for k in range(3)
     ]
-    from sonocal.geometry import Similarity
-    from sonocal.registration.uncertainty import point_covariance
-
     fle2 = 3 * found.rms_mm**2 * len(used) / found.freedom
     expected = fle2 / len(used) * (1 + np.sum(terms) / 3)
     motion = Similarity.from_matrix(found.reference_from_phantom)
@@ -118,7 +120,7 @@ def test_a_phantom_that_shrank_is_told():
     times, poses, _, _ = session_of(6, false=0)
     found = registered(times, poses, EIGHT * 1.012)
     assert "landmark-scale" in [finding.code for finding in found.diagnostics]
-    assert found.scale == pytest.approx(1 / 1.012, abs=0.004)
+    assert found.size_ratio == pytest.approx(1 / 1.012, abs=0.004)
 
 
 def test_a_wrong_tip_is_told():
@@ -138,7 +140,7 @@ def test_a_recording_without_rest_is_refused():
 
 def test_frozen_poses_are_no_rest():
     """A tracker that repeats itself while the stylus moves is no touch."""
-    _, poses, _, _ = session_of(7, order=range(8), false=0)
+    _, poses, _, _ = session_of(7, order=range(8), false=0, lost=0.0)
     pose = Poses.of("Stylus", "Reference", np.repeat(poses[:1] * 1.0, 60, axis=0))
     stalled = Recording(np.arange(60) / 20, poses={pose.name: pose})
     points = [Point(str(i), "Phantom", place) for i, place in enumerate(EIGHT)]
@@ -153,8 +155,9 @@ def test_rests_are_found_where_they_are():
     places[100:200] = [50, 0, 0]
     places[200:] = [50, 0, 0] + np.arange(100)[:, None] * [3.0, 1.0, 0.0]
     first, second = find_rests(places + rng.normal(0, 0.2, places.shape), t)
-    assert abs(first.last - 99) <= 6
-    assert abs(second.first - 100) <= 6
+    # Half a second at each end is given up: an approach must not count.
+    assert 89 <= first.last <= 99
+    assert 100 <= second.first <= 110
     np.testing.assert_allclose(second.point_mm, [50, 0, 0], atol=0.2)
 
 

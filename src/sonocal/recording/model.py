@@ -223,7 +223,14 @@ class Recording:
         chain = _path(edges, target.lower(), source.lower())
         if chain is None:
             have = ", ".join(poses.plus_name for poses in edges) or "none"
-            raise InputError(f"{self.name}: nothing connects {source} to {target}; the transforms are {have}")
+            remedy = (
+                "; put the phantom in place with sonocal tool --landmarks"
+                if "phantom" in source.lower()
+                else ""
+            )
+            raise InputError(
+                f"{self.name}: nothing connects {source} to {target}; the transforms are {have}{remedy}"
+            )
         matrices, valid = np.tile(np.eye(4), (len(self), 1, 1)), np.ones(len(self), dtype=bool)
         for poses, inverted in chain:
             step = poses.usable(self.name, on_invalid)

@@ -14,8 +14,8 @@ from sonocal.tools.tip_check import TipDoubt
 __all__ = ["landmark_findings"]
 
 LARGE_RMS_MM = 1.0
-# Of the scale, in deviations, and as a share that matters: 1 in 1000 is 0.1 mm over a phantom.
-SURE, MATTERS = 4.0, 2e-3
+# Of the scale, in deviations, and as a share that matters: a tip and a sensor's angle do as much as less than that.
+SURE, MATTERS = 4.0, 5e-3
 FEW = 4
 
 
@@ -96,13 +96,13 @@ def _too_few(found: PhantomRegistration) -> Iterator[Diagnostic]:
 
 
 def _scale(found: PhantomRegistration) -> Iterator[Diagnostic]:
-    off = found.scale - 1
-    if abs(off) > max(SURE * found.scale_deviation, MATTERS):
+    off = found.size_ratio - 1
+    if abs(off) > max(SURE * found.size_ratio_deviation, MATTERS):
         size = "larger" if off > 0 else "smaller"
         length = float(np.ptp([one.at_mm for one in found.landmarks], axis=0).max())
         yield _warning(
             "landmark-scale",
-            f"the touches fit a phantom {100 * abs(off):.2f} % {size} (+-{196 * found.scale_deviation:.2f} %), "
+            f"the touches fit a phantom {100 * abs(off):.2f} % {size} (+-{196 * found.size_ratio_deviation:.2f} %), "
             f"which is {abs(off) * length:.1f} mm over its length",
             "measure the phantom: printed ones shrink; and check that the stylus' tip is right",
         )

@@ -63,8 +63,8 @@ def fit_phantom(landmarks_mm: Array, touches_mm: Array, variances_mm2: Array) ->
     x, y, v = landmarks_mm[used], touches_mm[used], variances_mm2[used]
     matrix, tau2 = _weighed(x, y, v)
     weights = 1 / (v + tau2)
-    scale, deviation = fitted_scale(x, y, weights)
     residuals = touches_mm - (landmarks_mm @ matrix[:3, :3].T + matrix[:3, 3])
+    scale, deviation = _scale(x, y, weights, residuals[used])
     return PhantomFit(
         matrix,
         np.asarray(np.linalg.inv(_information(matrix, x, weights))),
@@ -96,6 +96,14 @@ def _weighed(x: Array, y: Array, v: Array) -> tuple[Array, float]:
         over, matrix = excess(middle)
         low, high = (middle, high) if over > 0 else (low, middle)
     return matrix, high
+
+
+def _scale(x: Array, y: Array, weights: Array, residuals: Array) -> tuple[float, float]:
+    """The similarity's scale, and its deviation by what that similarity leaves: a wrong scale makes tau large."""
+    scale, deviation = fitted_scale(x, y, weights)
+    squares = float(np.sum(weights[:, None] * residuals**2))
+    left = max(squares - ((scale - 1) / deviation) ** 2, 0.0) / max(3 * len(x) - 7, 1)
+    return scale, deviation * min(1.0, float(np.sqrt(left)))
 
 
 def _information(matrix: Array, x: Array, weights: Array) -> Array:

@@ -66,8 +66,8 @@ class PhantomRegistration:
         landmarks: as listed, touched or not.
         rests: where the stylus rested, in the order recorded.
         rms_mm: of the distances of the landmarks used.
-        scale: of the similarity that fits best, beside 1: a check of units, and of a printed phantom.
-        scale_deviation: of it.
+        size_ratio: of the similarity that fits best, beside 1: a check of units, and of a printed phantom.
+        size_ratio_deviation: of it.
         as_listed: the landmarks were touched in the order listed.
         target_errors: of the phantom's wires and planes, worst first.
         diagnostics: what to know before use, warnings first.
@@ -81,8 +81,8 @@ class PhantomRegistration:
     landmarks: tuple[LandmarkFit, ...]
     rests: tuple[Rest, ...]
     rms_mm: float
-    scale: float
-    scale_deviation: float
+    size_ratio: float
+    size_ratio_deviation: float
     as_listed: bool
     target_errors: tuple[TargetError, ...]
     diagnostics: tuple[Diagnostic, ...]

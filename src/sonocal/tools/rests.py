@@ -26,7 +26,7 @@ LEAST_S, LEAST_SAMPLES = 0.3, 5
 # A fifth of normal places in space are nearer than so many deviations; second differences have six times the variance.
 # The least tenth of all differences is taken for the least fifth of those at rest, which are half of them.
 CHI3_FIFTH, SECOND = 1.0026, np.sqrt(6.0)
-CUT = 4.0
+CUT, TRIMMED = 4.0, 3
 BLOCK_S = 0.5
 
 
@@ -92,9 +92,10 @@ def _smoothed(x: Array, t: Array) -> Array:
 
 
 def _path(y: Array, t: Array) -> Array:
-    """(N,): how far apart the places within `LOOKED_S` about each are, along the coordinate in which they are most."""
+    """(N,): how far the places within `LOOKED_S` about each reach: twice the furthest from their middle."""
     low, high = _window(t, LOOKED_S / 2)
-    return np.array([np.ptp(y[a:b], axis=0).max() for a, b in zip(low, high, strict=True)])
+    parts = (y[a:b] for a, b in zip(low, high, strict=True))
+    return np.array([2 * np.linalg.norm(part - part.mean(axis=0), axis=1).max() for part in parts])
 
 
 def _window(t: Array, half_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -127,15 +128,16 @@ def _joined(
 
 
 def _apart(first: Array, second: Array) -> float:
-    return float(np.linalg.norm(np.median(first, axis=0) - np.median(second, axis=0)))
+    return float(np.linalg.norm(first.mean(axis=0) - second.mean(axis=0)))
 
 
 def _rest(run: NDArray[np.int64], rows: NDArray[np.int64], x: Array, t: Array) -> Rest:
     """The rest of a run: without the approach at its ends and the jerks in it."""
-    middle = np.median(x[run], axis=0)
-    off = np.linalg.norm(x[run] - middle, axis=1)
-    # Of a normal distribution in space the median distance is 1.54 deviations.
-    kept = run[off <= max(CUT * float(np.median(off)) / 1.538, 1e-6)]
+    kept = run
+    for _ in range(TRIMMED):
+        off = np.linalg.norm(x[run] - x[kept].mean(axis=0), axis=1)
+        # Of a normal distribution in space the median distance is 1.54 deviations.
+        kept = run[off <= max(CUT * float(np.median(off)) / 1.538, 1e-6)]
     places = x[kept]
     mean = places.mean(axis=0)
     left = places - mean

@@ -37,7 +37,7 @@ def _known(found: PhantomRegistration) -> Text:
     return Text(
         f"{found.phantom}To{found.reference}: {used} of {len(found.landmarks)} landmarks, touched {order}, "
         f"{found.rms_mm:.2f} mm rms from their places{places}. Worst: {worst.name}, {worst.distance_mm:.2f} mm. "
-        f"Scale of the phantom: {found.scale:.4f} +-{1.96 * found.scale_deviation:.4f}."
+        f"Scale of the phantom: {found.size_ratio:.4f} +-{1.96 * found.size_ratio_deviation:.4f}."
     )
 
 
