@@ -48,7 +48,10 @@ def test_a_line_that_a_crash_cut_short_is_left_out_and_the_next_is_whole(tmp_pat
 
 
 def test_a_journal_of_another_recording_is_refused(tmp_path):
-    Journal(tmp_path / "j", INPUTS).close()
+    Journal(tmp_path / "j", {"recording": {"input": "b.mha", "sha256": "3"}}).close()
+    kept = Journal(tmp_path / "j", INPUTS)  # one without edits is nobody's
+    kept.append(edits(1)[0])
+    kept.close()
     with pytest.raises(InputError, match="holds edits of another recording or other targets"):
         Journal(tmp_path / "j", {"recording": {"input": "a.mha", "sha256": "2"}})
     (tmp_path / "other").write_text("frame,u_px\n1,2\n")
