@@ -17,7 +17,7 @@ from sonocal.cli.options import (
     seed,
     typed,
 )
-from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
+from sonocal.cli.outputs import OVERWRITE, reserve, reserve_results, write_results
 
 __all__ = ["demo", "somebody_looks"]
 
@@ -26,10 +26,12 @@ __all__ = ["demo", "somebody_looks"]
     "Simulate a sweep, calibrate it and open the report.",
     groups={
         "What is simulated": ("dimension", "needles", "outliers", "seed"),
+        "How it is shown": ("studio",),
         "What is written": ("output", "report", "overwrite"),
     },
     examples=(
         "sonocal demo",
+        "sonocal demo --studio",
         "sonocal demo --dimension 3 --outliers 0.4 -o solid",
     ),
 )
@@ -46,10 +48,21 @@ __all__ = ["demo", "somebody_looks"]
     help="Share of the sightings that are gross nonsense.",
 )
 @seed("everything random")
+@click.option(
+    "--studio", is_flag=True, help="Write the sample recording instead, and look at it in the browser."
+)
 @NO_REPORT
 @OVERWRITE
 def demo(
-    output: Path, *, dimension: str, needles: int, outliers: float, seed: int, report: bool, overwrite: bool
+    output: Path,
+    *,
+    dimension: str,
+    needles: int,
+    outliers: float,
+    seed: int,
+    studio: bool,
+    report: bool,
+    overwrite: bool,
 ) -> None:
     """Simulate a sweep with known truth, calibrate it, show the error and open the report.
 
@@ -68,6 +81,9 @@ def demo(
     from sonocal.simulation.scene import simulate_observations
 
     output = output if overwrite or typed(("output",)) else _fresh(output)
+    if studio:
+        _in_studio(output)
+        return
     names = ("observations.csv", "calibration.json", *(("report.html",) if report else ()))
     reserve_results(output, names)
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
@@ -97,6 +113,21 @@ def demo(
     screen.print(f"Next: sonocal calibrate {output / 'observations.csv'}", soft_wrap=True)
     if "report.html" in files and somebody_looks():
         click.launch(str(output / "report.html"))
+
+
+def _in_studio(output: Path) -> None:
+    """The sample recording, on the desk of the studio."""
+    from sonocal.cli.studio import open_studio
+    from sonocal.simulation.sample import sample_sweep
+    from sonocal.simulation.sweep_files import SWEEP_FILES, write_sweep
+
+    if names := typed(("dimension", "needles", "outliers", "seed", "report")):
+        raise click.UsageError(
+            f"{names[0]} is for the table; --studio shows the sample recording, leave it out"
+        )
+    reserve(*(output / name for name in SWEEP_FILES))
+    source, lines, _ = write_sweep(sample_sweep(), output)
+    open_studio([source, lines], output / "studio", host="127.0.0.1", port=0, browser=True)
 
 
 def _fresh(folder: Path) -> Path:
