@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from itertools import chain, count
 from pathlib import Path
 
@@ -19,7 +17,7 @@ from sonocal.cli.options import (
 )
 from sonocal.cli.outputs import OVERWRITE, reserve, reserve_results, write_results
 
-__all__ = ["demo", "somebody_looks"]
+__all__ = ["demo"]
 
 
 @command(
@@ -77,6 +75,7 @@ def demo(
         print_calibration,
         print_truth,
     )
+    from sonocal.cli.screen.terminal import somebody_looks
     from sonocal.observations.table_file import as_file
     from sonocal.simulation.scene import simulate_observations
 
@@ -134,11 +133,3 @@ def _fresh(folder: Path) -> Path:
     """The folder, or with a number after its name where that is there: a demonstration is run more than once."""
     names = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
     return next(name for name in chain([folder], names) if not name.exists())
-
-
-def somebody_looks() -> bool:
-    """Whether there is a person at a terminal and a screen for a browser to open on."""
-    screen = (
-        sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
-    return sys.stdout.isatty() and bool(screen)
