@@ -90,7 +90,8 @@ def played(page: Any) -> float:
     before = page.evaluate(count)
     page.click("#play")
     begun = time.perf_counter()
-    time.sleep(PLAYED_S)
+    while page.get_attribute("#play", "aria-pressed") == "true" and time.perf_counter() - begun < PLAYED_S:
+        time.sleep(0.05)
     drawn = page.evaluate(count) - before
     return drawn / (time.perf_counter() - begun)
 
