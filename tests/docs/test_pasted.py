@@ -34,6 +34,7 @@ INSTEAD = {
 }
 # Commands that no test runs, and why. What they name must be there all the same.
 NOT_RUN = {
+    "sonocal studio sweep.igs.mha --lines needle.toml": "serves until somebody interrupts; tests/studio runs it",
     "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the page's sweep is "
     "short and steady, and refused; tests/sweep/test_lagged.py runs a longer one",
     "sonocal study needles --scheduler tcp://head-node:8786": "needs a cluster; tests/studies/test_cluster.py has one",

@@ -18,11 +18,17 @@ def edits(count):
     return [Edit(str(i), "move", frame=i, target="needle", at_px=(float(i), 2.0)) for i in range(count)]
 
 
+def read(path):
+    kept = Journal(path, INPUTS)
+    kept.close()
+    return kept.edits
+
+
 def test_edits_are_read_back_and_one_that_is_sent_twice_counts_once(tmp_path):
     kept = Journal(tmp_path / "j", INPUTS)
     assert [kept.append(edit) for edit in [*edits(3), *edits(3)]] == [True] * 3 + [False] * 3
     kept.close()
-    assert Journal(tmp_path / "j", INPUTS).edits == edits(3)
+    assert read(tmp_path / "j") == edits(3)
 
 
 def test_a_line_that_a_crash_cut_short_is_left_out_and_the_next_is_whole(tmp_path):
@@ -38,12 +44,15 @@ def test_a_line_that_a_crash_cut_short_is_left_out_and_the_next_is_whole(tmp_pat
         assert again.edits == edits(2)
         again.append(edits(4)[3])
         again.close()
-        assert Journal(tmp_path / "j", INPUTS).edits == [*edits(2), edits(4)[3]]
+        assert read(tmp_path / "j") == [*edits(2), edits(4)[3]]
 
 
 def test_a_journal_of_another_recording_is_refused(tmp_path):
-    Journal(tmp_path / "j", INPUTS).close()
-    with pytest.raises(InputError, match="holds edits of another recording or other targets \\(a.mha\\)"):
+    Journal(tmp_path / "j", {"recording": {"input": "b.mha", "sha256": "3"}}).close()
+    kept = Journal(tmp_path / "j", INPUTS)  # one without edits is nobody's
+    kept.append(edits(1)[0])
+    kept.close()
+    with pytest.raises(InputError, match="holds edits of another recording or other targets"):
         Journal(tmp_path / "j", {"recording": {"input": "a.mha", "sha256": "2"}})
     (tmp_path / "other").write_text("frame,u_px\n1,2\n")
     with pytest.raises(FormatError, match="is no journal"):

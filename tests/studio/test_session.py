@@ -2,6 +2,7 @@
 
 import json
 
+import click
 import pytest
 
 from sonocal.cli import main
@@ -127,7 +128,5 @@ def test_a_table_is_looked_at_too_and_its_own_file_is_not_written(sweep, tmp_pat
 
 def test_a_folder_of_others_is_refused(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    from sonocal.errors import InputError
-
-    with pytest.raises(InputError, match="holds other files than the studio's"):
+    with pytest.raises(click.ClickException, match="holds other files than the studio's"):
         main.main(["studio", "-o", str(tmp_path), "--no-browser"], standalone_mode=False)

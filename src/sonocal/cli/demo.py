@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from itertools import chain, count
 from pathlib import Path
 
@@ -17,19 +15,21 @@ from sonocal.cli.options import (
     seed,
     typed,
 )
-from sonocal.cli.outputs import OVERWRITE, reserve_results, write_results
+from sonocal.cli.outputs import OVERWRITE, reserve, reserve_results, write_results
 
-__all__ = ["demo", "somebody_looks"]
+__all__ = ["demo"]
 
 
 @command(
     "Simulate a sweep, calibrate it and open the report.",
     groups={
         "What is simulated": ("dimension", "needles", "outliers", "seed"),
+        "How it is shown": ("studio",),
         "What is written": ("output", "report", "overwrite"),
     },
     examples=(
         "sonocal demo",
+        "sonocal demo --studio",
         "sonocal demo --dimension 3 --outliers 0.4 -o solid",
     ),
 )
@@ -46,10 +46,21 @@ __all__ = ["demo", "somebody_looks"]
     help="Share of the sightings that are gross nonsense.",
 )
 @seed("everything random")
+@click.option(
+    "--studio", is_flag=True, help="Write the sample recording instead, and look at it in the browser."
+)
 @NO_REPORT
 @OVERWRITE
 def demo(
-    output: Path, *, dimension: str, needles: int, outliers: float, seed: int, report: bool, overwrite: bool
+    output: Path,
+    *,
+    dimension: str,
+    needles: int,
+    outliers: float,
+    seed: int,
+    studio: bool,
+    report: bool,
+    overwrite: bool,
 ) -> None:
     """Simulate a sweep with known truth, calibrate it, show the error and open the report.
 
@@ -64,10 +75,14 @@ def demo(
         print_calibration,
         print_truth,
     )
+    from sonocal.cli.screen.terminal import somebody_looks
     from sonocal.observations.table_file import as_file
     from sonocal.simulation.scene import simulate_observations
 
     output = output if overwrite or typed(("output",)) else _fresh(output)
+    if studio:
+        _in_studio(output)
+        return
     names = ("observations.csv", "calibration.json", *(("report.html",) if report else ()))
     reserve_results(output, names)
     simulated = simulate_observations(int(dimension), needles, outlier_share=outliers, seed=seed)
@@ -99,15 +114,22 @@ def demo(
         click.launch(str(output / "report.html"))
 
 
+def _in_studio(output: Path) -> None:
+    """The sample recording, on the desk of the studio."""
+    from sonocal.cli.studio import open_studio
+    from sonocal.simulation.sample import sample_sweep
+    from sonocal.simulation.sweep_files import SWEEP_FILES, write_sweep
+
+    if names := typed(("dimension", "needles", "outliers", "seed", "report")):
+        raise click.UsageError(
+            f"{names[0]} is for the table; --studio shows the sample recording, leave it out"
+        )
+    reserve(*(output / name for name in SWEEP_FILES))
+    source, lines, _ = write_sweep(sample_sweep(), output)
+    open_studio([source, lines], output / "studio", host="127.0.0.1", port=0, browser=True)
+
+
 def _fresh(folder: Path) -> Path:
     """The folder, or with a number after its name where that is there: a demonstration is run more than once."""
     names = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
     return next(name for name in chain([folder], names) if not name.exists())
-
-
-def somebody_looks() -> bool:
-    """Whether there is a person at a terminal and a screen for a browser to open on."""
-    screen = (
-        sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
-    return sys.stdout.isatty() and bool(screen)

@@ -95,7 +95,7 @@ def open_studio(
         browser: whether to open one, where somebody looks.
         reading: further arguments of ``sonocal calibrate``.
     """
-    from sonocal.cli.demo import somebody_looks
+    from sonocal.cli.screen.terminal import somebody_looks
     from sonocal.cli.studio_work import Openings
     from sonocal.studio import serve
 

@@ -91,7 +91,10 @@ class Journal:
         if not lines:
             self._write({"format": FORMAT, "version": VERSION, "inputs": inputs})
             return
-        self._check_head(lines[0], inputs)
+        if not self._is_of(lines[0], inputs, edits=len(lines) - 1):  # nobody's yet: it has no edits
+            self._file.truncate(0)
+            self._write({"format": FORMAT, "version": VERSION, "inputs": inputs})
+            return
         for number, line in enumerate(lines[1:], 2):
             try:
                 self._remember(msgspec.json.decode(line, type=Edit))
@@ -100,7 +103,8 @@ class Journal:
                     f"{self.path}, line {number}: is no edit ({error}); move the file away, or take the line out"
                 ) from None
 
-    def _check_head(self, line: bytes, inputs: dict[str, Any]) -> None:
+    def _is_of(self, line: bytes, inputs: dict[str, Any], edits: int) -> bool:
+        """Whether the journal is of these inputs; refuses one that is no journal, or has edits of others."""
         try:
             head = msgspec.json.decode(line, type=dict[str, Any])
         except msgspec.DecodeError:
@@ -109,9 +113,10 @@ class Journal:
             raise FormatError(
                 f"{self.path}: is no journal of this sonocal's studio; choose another folder with -o"
             )
-        if head.get("inputs") != inputs:
+        if head.get("inputs") != inputs and edits:
             names = ", ".join(str(one.get("input")) for one in dict(head.get("inputs") or {}).values())
             raise InputError(
                 f"{self.path}: holds edits of another recording or other targets ({names[:200]}); choose another "
                 "folder with -o"
             )
+        return bool(head.get("inputs") == inputs)

@@ -44,9 +44,9 @@ def serve(
         UnsupportedError: starlette, uvicorn or websockets is not installed.
     """
     uvicorn = _uvicorn()
+    refuse_foreign(folder)
     listening = _listening(host, port)
     port = int(listening.getsockname()[1])
-    refuse_foreign(folder)
     desk = Desk(folder)
     uploads = Uploads(folder / UPLOADED)
     guard = Guard(application(desk, opener, uploads), hosts_of(host, port), port)

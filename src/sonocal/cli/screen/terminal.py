@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,7 +12,7 @@ from rich.segment import Segment
 
 from sonocal.cli.screen.plain import harmless
 
-__all__ = ["Terminal"]
+__all__ = ["Terminal", "somebody_looks"]
 
 
 class Terminal(Console):
@@ -24,3 +26,11 @@ class Terminal(Console):
     def print(self, *objects: Any, **how: Any) -> None:
         """Print, as a console does."""
         super().print(*(harmless(one) if isinstance(one, str) else one for one in objects), **how)
+
+
+def somebody_looks() -> bool:
+    """Whether there is a person at a terminal and a screen for a browser to open on."""
+    screen = (
+        sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
+    return sys.stdout.isatty() and bool(screen)

@@ -16,18 +16,25 @@ history.replaceState(null, "", "/"); // the key was good once
 
 const by = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 /** @type {Set<string>} */ const waiting = new Set();
-let name = "";
+let name = "", charted = 0;
 
 /** What is drawn anew for what changed. @type {Record<string, (() => void)[]>} */
 const ANEW = {
-  frame: [drawFrame, drawPlace, drawButtons, drawResiduals, drawScene],
+  frame: [drawFrame, drawPlace, drawButtons, drawCharts],
   marks: [drawFrame, drawButtons, drawResiduals],
   candidates: [drawFrame],
-  playing: [drawPlace],
+  playing: [drawPlace, drawCharts],
   progress: [drawVerdict],
   answer: [drawFrame, drawHead, drawVerdict, drawNumbers, drawFindings, drawResiduals, drawScene, drawCoverage, drawButtons],
 };
 const ALL = [drawHead, drawFilm, drawPlace, drawFrame, drawVerdict, drawNumbers, drawFindings, drawFiles, drawResiduals, drawScene, drawCoverage, drawButtons, drawTargets];
+
+/** The charts' own marks of the frame; while frames play, a few times a second: the frames come first. */
+function drawCharts() {
+  const now = performance.now();
+  if (state.playing && now - charted < 400) return;
+  charted = now; drawResiduals(); drawScene();
+}
 
 function drawButtons() {
   const mark = markAt(state.frame, state.target);

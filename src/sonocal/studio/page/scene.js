@@ -11,7 +11,7 @@ export function drawScene() {
   const { c, w, h } = sharp(canvas), scene = state.answer?.scene;
   if (!scene) { c.fillStyle = colour("quiet"); c.fillText("no calibration yet", 12, h / 2); return; }
   const points = [...scene.corners_mm, [0, 0, 0]], low = [0, 1, 2].map((i) => Math.min(...points.map((/** @type {Vec} */ p) => p[i]))), high = [0, 1, 2].map((i) => Math.max(...points.map((/** @type {Vec} */ p) => p[i])));
-  const centre = low.map((x, i) => (x + high[i]) / 2), size = Math.hypot(...low.map((x, i) => high[i] - x)) || 1, scale = (0.85 * Math.min(w, h)) / size;
+  const centre = low.map((x, i) => (x + high[i]) / 2), size = Math.hypot(...low.map((x, i) => high[i] - x)) || 1, scale = (1.15 * Math.min(w, h)) / size;
   const see = (/** @type {Vec} */ p) => {
     const [x, y, z] = p.map((one, i) => one - centre[i]), a = x * Math.cos(turn) + z * Math.sin(turn), b = -x * Math.sin(turn) + z * Math.cos(turn);
     return [w / 2 + scale * a, h / 2 + scale * (y * Math.cos(tilt) - b * Math.sin(tilt))];
