@@ -13,6 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from sonocal import studio
 from sonocal.cli.help import COMPLETION, Command
 from sonocal.cli.main import main
 from tests.builders.pages import copy_of, write_files
@@ -92,12 +93,27 @@ def files(tmp_path_factory):
         main, ["export", str(folder / "calibration.json"), "--to", "plus", "-o", str(folder / "plus.xml")]
     )
     assert done.exit_code == 0, done.output
+    settings = (
+        '<VolumeReconstruction ReferenceCoordinateFrame="Tracker" OutputSpacing="1 1 1"/></PlusConfiguration>'
+    )
+    devices = (folder / "plus.xml").read_text().replace("</PlusConfiguration>", settings)
+    (folder / "plus-volume.xml").write_text(devices)
     return folder
+
+
+def not_for_ever(folder, opener, first=(), *, host, port, ready):
+    """In place of the studio's server, which serves until somebody interrupts: tests/studio runs that."""
+    assert callable(opener)
+    assert callable(ready)
+    assert all(path.exists() for path in first)
+    assert (host, port) in {("127.0.0.1", 0), ("127.0.0.1", 8800)}
+    folder.mkdir(parents=True)
 
 
 @pytest.mark.parametrize("line", [line for name in COMMANDS for line in main.commands[name].examples])
 def test_every_example_runs(line, files, tmp_path, monkeypatch):
     monkeypatch.chdir(copy_of(files, tmp_path))
+    monkeypatch.setattr(studio, "serve", not_for_ever)
     typed, _, piped = line.removeprefix("sonocal ").partition(" < ")
     words = shlex.split(typed)
     made = next(

@@ -85,7 +85,7 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
     examples=(
         "sonocal reconstruct sweep.igs.mha calibration.json -o volume.mha",
         "sonocal reconstruct sweep.igs.mha calibration.json -o fine.nrrd --spacing 0.25 --threads 2",
-        "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus.xml -o as-plus.mha",
+        "sonocal reconstruct sweep.igs.mha plus.xml --like-plus plus-volume.xml -o as-plus.mha",
     ),
 )
 @click.argument("recording", metavar="RECORDING", type=FILE)

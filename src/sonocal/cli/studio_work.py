@@ -15,8 +15,8 @@ from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.observations import Observations
-    from sonocal.studio import Work
     from sonocal.studio.marks import Marks
+    from sonocal.studio.work import Work
 
 __all__ = ["Openings"]
 
@@ -54,7 +54,7 @@ class Openings:
 
     def _recording(self, source: Path, lines: Path) -> Work:
         from sonocal.detection import Detections
-        from sonocal.studio import RecordingWork
+        from sonocal.studio.work import RecordingWork
 
         arguments = [str(source), "--lines", str(lines), *self._reading]
         with _parsed(arguments) as context:
@@ -80,7 +80,7 @@ class Openings:
 
     def _bare(self, source: Path) -> Work:
         from sonocal.cli.reading import read_given
-        from sonocal.studio import BareWork
+        from sonocal.studio.work import BareWork
 
         with _parsed([str(source), "--lines", str(source), *self._reading]) as context:
             _, recorded, _ = parted(_options(context), accept_units=False)
@@ -88,7 +88,7 @@ class Openings:
 
     def _table(self, source: Path) -> Work:
         from sonocal.observations import read_observations
-        from sonocal.studio import TableWork
+        from sonocal.studio.work import TableWork
 
         rows = read_observations(source)
         with _parsed([str(source)]) as context:

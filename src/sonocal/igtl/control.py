@@ -41,7 +41,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Query:
-    """Asks for a message once (GET_) or for no more of them (STP_); has no content."""
+    """Asks for a message once (``GET_...``) or for no more of them (``STP_...``); has no content."""
 
     kind: str
 
