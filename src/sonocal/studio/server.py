@@ -118,6 +118,6 @@ def _uvicorn() -> Any:
         import websockets  # noqa: F401
     except ImportError as error:
         raise UnsupportedError(
-            f"the studio needs {error.name}, which is not installed; pip install 'sonocal[studio]'"
+            f"the studio needs {error.name}, which is not installed; pip install starlette uvicorn websockets"
         ) from None
     return uvicorn
