@@ -72,6 +72,7 @@ def test_json_is_the_calibration_and_its_verdict_on_stdout_and_nothing_else(tabl
     printed = json.loads(result.stdout)
     assert list(printed.pop("verdict")) == ["level", "headline", "expectation", "reasons", "codes"]
     assert len(printed.pop("cannot_show")) == 4
+    assert printed.pop("rereadings") == []
     assert printed == json.loads((tmp_path / "out" / "calibration.json").read_text())
 
 
@@ -171,7 +172,7 @@ def test_demo_writes_and_names_the_report_and_opens_it_only_for_somebody(tmp_pat
     assert f"Report: {report.as_uri()}\n" in shown.output
     assert "Use it" in report.read_text(encoding="utf-8")
     assert opened == []
-    monkeypatch.setattr("sonocal.cli.demo._somebody_looks", lambda: True)
+    monkeypatch.setattr("sonocal.cli.screen.terminal.somebody_looks", lambda: True)
     run("demo", "-o", tmp_path / "demo", "--overwrite")
     assert opened == [str(report)]
     without = run("demo", "-o", tmp_path / "without", "--no-report")

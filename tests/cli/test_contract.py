@@ -205,7 +205,7 @@ def test_the_groups_help_names_every_command(width):
     shown = run("--help", width=width)
     assert shown.exit_code == 0
     for name in COMMANDS:
-        assert re.search(rf"^ +{name} ", shown.output, re.MULTILINE)
+        assert re.search(rf"^ +{name}\b", shown.output, re.MULTILINE)
 
 
 def test_the_groups_help_has_a_whole_line_for_every_command():

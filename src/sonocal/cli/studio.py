@@ -27,7 +27,7 @@ __all__ = ["open_studio", "studio"]
 
 
 @command(
-    "Look at a sweep in the browser, mend points, and watch the error change.",
+    "Look at a sweep in the browser, and mend its points.",
     groups={
         "What is read": ("lines", *READING),
         "What is written": ("output",),
