@@ -28,8 +28,12 @@ def source() -> Path:
     sources = WORK / "source"
     shutil.rmtree(sources, ignore_errors=True)
     shutil.unpack_archive(archive, folder)
-    # The same place for every version, and the files' own times: what did not change is not compiled again.
+    # The same place for every version, and the files' own times, which an archive that is always the same has not:
+    # what changed is compiled again, and nothing else.
     (folder / archive.name.removesuffix(".tar.gz")).rename(sources)
+    for path in sources.rglob("*"):
+        if (own := ROOT / path.relative_to(sources)).exists():
+            shutil.copystat(own, path)
     return sources
 
 
@@ -56,6 +60,7 @@ def definitions(target: Target, version: Version) -> Mapping[str, str | Path]:
     """What CMake must know beside its toolchain."""
     known: dict[str, str | Path] = {
         "CMAKE_TOOLCHAIN_FILE": Path(__file__).with_name("zig.cmake"),
+        "SONOCAL_DEMANGLER": "OFF",
         "Python_INCLUDE_DIR": include_folder(target, version),
     }
     if target.system == "Windows":

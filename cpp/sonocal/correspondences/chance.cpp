@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "sonocal/linalg/sort_by.hpp"
+
 namespace sonocal {
 namespace {
 
@@ -194,7 +196,7 @@ std::vector<Agreeing> agreeing_of(const Pairing& pairing, const double* squares,
                            0.5 * kind.rows * std::log(typical);
     for (std::size_t i = begin; i < out.size(); ++i) out[i].density = density;
   }
-  std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.chance < b.chance; });
+  sort_by(out, [](const auto& one) { return one.chance; });
   return out;
 }
 

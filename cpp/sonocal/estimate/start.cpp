@@ -7,6 +7,7 @@
 
 #include "sonocal/estimate/certificate.hpp"
 #include "sonocal/estimate/refine.hpp"
+#include "sonocal/linalg/sort_by.hpp"
 
 namespace sonocal {
 namespace {
@@ -180,7 +181,7 @@ std::vector<Transform> other_answers(const PointLines& rows, Sampler& sampler, c
     for (int i = 0; i < count; ++i)
       starts.emplace_back(rows.truncated_sum(candidates[i], limit, kInfinity), candidates[i]);
   } while (next_combination(sample, sampler.sample_size(), sampler.units()));
-  std::sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  sort_by(starts, [](const auto& one) { return one.first; });
   if (starts.size() > kMostStarts) starts.resize(kMostStarts);
 
   Column squares;

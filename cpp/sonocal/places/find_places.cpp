@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sonocal/linalg/sort_by.hpp"
 #include "sonocal/places/descend.hpp"
 #include "sonocal/places/place_seen.hpp"
 
@@ -92,7 +93,7 @@ void weigh(const PosedRows& rows, const PlacesNoise& noise, std::vector<FoundPla
     for (int i = 0; i < rows.size(); ++i)
       found.cost += std::min(chi[i], kOutlier[found.fit.answer.places[rows.row(i).target].normals()]);
   }
-  std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.cost < b.cost; });
+  sort_by(all, [](const FoundPlaces& one) { return one.cost; });
 }
 
 bool same(const PosedRows& rows, const PlacesAnswer& a, const PlacesAnswer& b, double limit) {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "sonocal/interrupt/interrupt.hpp"
+#include "sonocal/linalg/sort_by.hpp"
 #include "sonocal/places/descend.hpp"
 #include "sonocal/places/relaxed.hpp"
 #include "sonocal/robust/random.hpp"
@@ -154,7 +155,7 @@ class Search {
     if (kept_.size() > kKept) kept_.pop_back();
   }
   void order() {
-    std::sort(kept_.begin(), kept_.end(), [](const auto& a, const auto& b) { return a.score < b.score; });
+    sort_by(kept_, [](const auto& one) { return one.score; });
   }
 
   double needed_for(int size) const {

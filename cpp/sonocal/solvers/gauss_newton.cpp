@@ -104,21 +104,23 @@ double gauss_newton(const PointOnPlane* rows, int count, int steps, double fixed
 
 int refine_candidates(const PointOnPlane* rows, int count, int steps, double fixed_scale,
                       Transform* candidates, int candidate_count) {
-  std::array<std::pair<double, Transform>, 16> refined;
+  std::array<Transform, 16> refined;
+  std::array<std::pair<double, int>, 16> order;
   int kept = 0;
   for (int i = 0; i < candidate_count; ++i) {
     Transform& a = candidates[i];
     const double cost = gauss_newton(rows, count, steps, fixed_scale, a);
     if (!std::isfinite(cost) || !std::isfinite(a.translation.sum()) || !(a.scales[0] > 0)) continue;
     const auto same = [&](const auto& other) {
-      return (other.second.rotation - a.rotation).squaredNorm() < 1e-14 &&
-             std::fabs(other.second.scales[0] - a.scales[0]) < 1e-7 * a.scales[0];
+      return (other.rotation - a.rotation).squaredNorm() < 1e-14 &&
+             std::fabs(other.scales[0] - a.scales[0]) < 1e-7 * a.scales[0];
     };
-    if (std::none_of(refined.begin(), refined.begin() + kept, same)) refined[kept++] = {cost, a};
+    if (std::any_of(refined.begin(), refined.begin() + kept, same)) continue;
+    order[kept] = {cost, kept};
+    refined[kept++] = a;
   }
-  std::sort(refined.begin(), refined.begin() + kept,
-            [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (int i = 0; i < kept; ++i) candidates[i] = refined[i].second;
+  std::sort(order.begin(), order.begin() + kept);
+  for (int i = 0; i < kept; ++i) candidates[i] = refined[order[i].second];
   return kept;
 }
 

@@ -15,6 +15,8 @@
 #ifndef SONOCAL_INLINE
 #define SONOCAL_INLINE inline __attribute__((always_inline))
 #endif
+// Long, and called from several places: one copy for each kind of machine, which no other kind can see.
+#define SONOCAL_APART static __attribute__((noinline))
 
 namespace sonocal {
 

@@ -60,7 +60,7 @@ struct Forms {
 
 // sum_ij K_ij S_ij(q) + k |q|^2, as quadratic forms of the quaternion w x y z.
 template <class T>
-SONOCAL_INLINE Forms<T> forms_of(const Vec3<T> (&equation)[3][3], const T (&constant)[3]) {
+SONOCAL_APART Forms<T> forms_of(const Vec3<T> (&equation)[3][3], const T (&constant)[3]) {
   Forms<T> f;
   const auto set = [&](int j, int a, int b, const T& value) __attribute__((always_inline)) {
     Vec3<T>& v = f.at(a, b);
@@ -101,7 +101,7 @@ SONOCAL_INLINE Mask<T> swaps(const T& eliminated, int swap) {
 
 // The pair whose squares and product are most independent.
 template <class T>
-SONOCAL_INLINE T choose(Forms<T>& f) {
+SONOCAL_APART T choose(Forms<T>& f) {
   T best = broadcast<T>(-1), out = broadcast<T>(0);
   for (int i = 0; i < 6; ++i) {
     const int y = kPairs[i][0], z = kPairs[i][1];
@@ -120,7 +120,7 @@ struct Reduced {
 };
 
 template <class T>
-SONOCAL_INLINE void reduce(const Forms<T>& f, Reduced<T> (&out)[3]) {
+SONOCAL_APART void reduce(const Forms<T>& f, Reduced<T> (&out)[3]) {
   const Vec3<T>&yy = f.at(2, 2), &zz = f.at(3, 3), &yz = f.at(2, 3);
   const Vec3<T> crosses[3] = {cross(zz, yz), cross(yz, yy), cross(yy, zz)};
   const T unit = -1.0 / dot(yy, crosses[0]);
@@ -134,7 +134,7 @@ SONOCAL_INLINE void reduce(const Forms<T>& f, Reduced<T> (&out)[3]) {
 
 // The identities z y^2 = y (y z), y z^2 = z (y z), y^2 z^2 = (y z)^2, reduced again, and their determinant.
 template <class T>
-SONOCAL_INLINE void resultant(const Reduced<T> (&r)[3], Problem<T>& p) {
+SONOCAL_APART void resultant(const Reduced<T> (&r)[3], Problem<T>& p) {
   const auto& [a1, b1, c1] = r[0];
   const auto& [a2, b2, c2] = r[1];
   const auto& [a3, b3, c3] = r[2];
@@ -202,7 +202,7 @@ struct Quaternion {
 
 // The quaternion at a root: y and z from the two rows that say most.
 template <class T>
-SONOCAL_INLINE Quaternion<T> quaternion_at(const Problem<T>& p, const T& x) {
+SONOCAL_APART Quaternion<T> quaternion_at(const Problem<T>& p, const T& x) {
   const T unit = 1.0 / (1.0 + x * x);
   const Vec3<T> a = unit * p.first.at(x), b = unit * p.second.at(x), c = (unit * unit) * p.third.at(x);
   Vec3<T> best = cross(a, b);
@@ -217,8 +217,8 @@ SONOCAL_INLINE Quaternion<T> quaternion_at(const Problem<T>& p, const T& x) {
 // Newton on the three equations over rotations: d/dw of K . exp([w]) R is sum_c r_c x k_c. The polynomial
 // has lost digits that the equations still hold. True where it came to rest.
 template <class T>
-SONOCAL_INLINE Mask<T> polish(const Vec3<T> (&equation)[3][3], const T (&constant)[3], Mask<T> going,
-                              Quaternion<T>& q) {
+SONOCAL_APART Mask<T> polish(const Vec3<T> (&equation)[3][3], const T (&constant)[3], Mask<T> going,
+                             Quaternion<T>& q) {
   T last = broadcast<T>(1);
   for (int iteration = 0; iteration < 5 && any(going); ++iteration) {
     Vec3<T> r[3], row[3];
@@ -245,7 +245,7 @@ SONOCAL_INLINE Mask<T> polish(const Vec3<T> (&equation)[3][3], const T (&constan
 
 // The fourth row gives the scale where it is not known, the first three the translation.
 template <bool kScaleKnown, class T>
-SONOCAL_INLINE void finish(const Problem<T>& p, const Quaternion<T>& q, Candidate<T>& out) {
+SONOCAL_APART void finish(const Problem<T>& p, const Quaternion<T>& q, Candidate<T>& out) {
   Vec3<T> r[3];
   q.columns(r);
   for (int c = 0; c < 3; ++c)
@@ -264,7 +264,7 @@ SONOCAL_INLINE void finish(const Problem<T>& p, const Quaternion<T>& q, Candidat
 }
 
 // The problems of other lanes, one for each root.
-SONOCAL_INLINE Problem<Pack> deal(const Problem<Pack>& p, const PackMask& lane) {
+SONOCAL_APART Problem<Pack> deal(const Problem<Pack>& p, const PackMask& lane) {
   constexpr int kNumbers = sizeof(Problem<Pack>) / sizeof(Pack);
   Pack numbers[kNumbers];
   std::memcpy(numbers, &p, sizeof p);

@@ -220,8 +220,8 @@ SONOCAL_INLINE void isolate(const SturmChain<N>& chain, int lane, Brackets<N>& o
 }
 
 template <int N>
-SONOCAL_INLINE void real_roots(const Polynomial<Pack, N>& p, const PackMask& valid, int lanes,
-                               Brackets<N>& out) {
+SONOCAL_APART void real_roots(const Polynomial<Pack, N>& p, const PackMask& valid, int lanes,
+                              Brackets<N>& out) {
   SturmChain<N> chain;
   sturm_chain(p, valid, chain);
   for (int lane = 0; lane < lanes; ++lane)
@@ -231,8 +231,8 @@ SONOCAL_INLINE void real_roots(const Polynomial<Pack, N>& p, const PackMask& val
 // The roots in the brackets of a pack, one a lane, each of its own polynomial: Halley, bisecting where it
 // strays; ends after a step of `tolerance` relative to the root.
 template <int N>
-SONOCAL_INLINE Pack root_in(const Polynomial<Pack, N>& p, Pack low, Pack high, const PackMask& negative_low,
-                            double tolerance) {
+SONOCAL_APART Pack root_in(const Polynomial<Pack, N>& p, Pack low, Pack high, const PackMask& negative_low,
+                           double tolerance) {
   Pack x = 0.5 * (low + high);
   PackMask going = low < high;
   for (int iteration = 0; iteration < 60 && any(going); ++iteration) {
