@@ -23,8 +23,9 @@ THEIRS = re.compile(
 )
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
-    "Cell", "Centre", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images", "Keywords", "MappedRows",
-    "MappedTargets", "Model", "Noise", "OnInvalid", "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress",
+    "Bytes", "Cell", "Centre", "Content",
+    "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images", "Keywords", "MappedRows",
+    "MappedTargets", "Model", "Noise", "OnInvalid", "Peer", "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress",
     "Said", "SpannedRows", "Table", "TargetRows", "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sonocal as sc
+from sonocal import igtl
 from sonocal.calibration import Options, fit_rows
 from sonocal.detection import PointDetector, WallDetector
 from sonocal.errors import MirroredVolumeError
@@ -22,6 +23,7 @@ from sonocal.geometry.shown import brief
 from sonocal.recording import ArrayFrames, Frames
 from sonocal.registration import Registration, point_line, register
 from sonocal.simulation.scene import simulate_observations
+from sonocal.simulation.sweep import NEEDLE
 from sonocal.studies import Store, load_study
 from tests.builders.recordings import random_recording
 
@@ -65,6 +67,9 @@ def shown(tmp_path_factory):
         for one in CLASSES
         if issubclass(one, sc.SonocalError)
     }
+    with igtl.Server() as server:
+        client = igtl.Client("127.0.0.1", server.port)
+        client.close()
     points = np.column_stack([rows.points_px, np.zeros(len(rows))])
     frames = ArrayFrames(np.zeros((3, 4, 5), np.uint8))
     return {
@@ -93,6 +98,10 @@ def shown(tmp_path_factory):
         "report": sc.report.Report(b"x" * 10**6),
         "detector": PointDetector(np.ones((300, 200), dtype=bool)),
         "detector of walls": WallDetector(np.ones((300, 200), dtype=bool)),
+        "server": server,
+        "client": client,
+        "growing": sc.recording.RecordingStream(LONG),
+        "session": sc.sweep.Session([NEEDLE], name=LONG),
         "store": Store(folder, load_study("needles"), "0"),
         **errors,
     }

@@ -7,6 +7,7 @@ ones near there.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +24,7 @@ from sonocal.geometry import Array, image_crossings
 from sonocal.recording import ImageGeometry, Recording
 from sonocal.recording.health import Progress
 
-__all__ = ["Detector", "Images", "detect", "detector_of", "require_images"]
+__all__ = ["Detector", "Found", "Images", "detect", "detector_of", "require_images"]
 
 POINTS, LINES = 5, 3
 """Detections an image and a volume."""
@@ -96,8 +97,7 @@ class Images(ABC):
 
     def detect(self, progress: Progress | None = None) -> Detections:
         """All that stands out in every valid image; as `sonocal.detection.detect`."""
-        each, axes = self.points_each, self.dimension
-        found = [(np.empty((0, each, axes)), np.empty((0, each, axes, axes)), np.empty(0))]
+        found: list[Found] = []
         frames: list[int] = []
         for i, image in enumerate(self.recording.frames):
             if self.recording.image_valid[i]:
@@ -105,13 +105,19 @@ class Images(ABC):
                 frames += [i] * len(found[-1][2])
             if progress is not None:
                 progress(i + 1, len(self.recording))
-        points, covariances, scores = (np.concatenate(part) for part in zip(*found, strict=True))
+        return self.together(frames, found)
+
+    def together(self, frames: Sequence[int], found: Sequence[Found]) -> Detections:
+        """What was found in some images as one table; `frames` has an entry for each place."""
+        each, axes = self.points_each, self.dimension
+        none = (np.empty((0, each, axes)), np.empty((0, each, axes, axes)), np.empty(0))
+        points, covariances, scores = (np.concatenate(part) for part in zip(none, *found, strict=True))
         return Detections(
             np.array(frames, dtype=np.int64),
             points,
             covariances,
             scores,
-            images=len(found) - 1,
+            images=len(found),
             source=self.recording.name,
         )
 

@@ -4,9 +4,9 @@ from sonocal.igtl.client import Client, address
 from sonocal.igtl.control import Other, Query, Reply, Start
 from sonocal.igtl.header import HEADER_BYTES, MOST_BODY, Header, read_header
 from sonocal.igtl.image import Image
-from sonocal.igtl.message import Content, Message, decode, decode_body, encode, stamp_of
+from sonocal.igtl.message import Message, decode, decode_body, encode, stamp_of
 from sonocal.igtl.poses import Position, QuaternionTool, QuaternionTools, Tool, Tools, Transform
-from sonocal.igtl.server import Arrival, Peer, Server
+from sonocal.igtl.server import Arrival, Server
 from sonocal.igtl.words import Capability, Command, CommandReply, Status, Text
 
 __all__ = [
@@ -17,12 +17,10 @@ __all__ = [
     "Client",
     "Command",
     "CommandReply",
-    "Content",
     "Header",
     "Image",
     "Message",
     "Other",
-    "Peer",
     "Position",
     "QuaternionTool",
     "QuaternionTools",

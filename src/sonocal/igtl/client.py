@@ -83,6 +83,10 @@ class Client:
     ) -> None:
         self.close()
 
+    def __repr__(self) -> str:
+        there = "connected" if self.connected else "not connected"
+        return f"<Client of {self._peer[:80]}: {self.received} messages, {there}>"
+
     @property
     def dropped(self) -> int:
         """How many messages were lost because nobody took them in time."""

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from sonocal.errors import FormatError, InputError
+from sonocal.geometry.shown import brief
 from sonocal.igtl.fields import Bytes
 from sonocal.igtl.mailbox import Mailbox
 from sonocal.igtl.message import Message, encode
@@ -118,6 +119,8 @@ class Arrival:
     peer: Peer
     message: Message
 
+    __repr__ = brief
+
 
 class Server:
     """Listens on this machine alone unless told otherwise.
@@ -159,6 +162,9 @@ class Server:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def __repr__(self) -> str:
+        return f"<Server on {self.host}:{self.port}: {len(self.peers)} connected>"
 
     @property
     def peers(self) -> list[Peer]:

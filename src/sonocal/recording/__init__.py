@@ -7,6 +7,7 @@ from sonocal.recording.model import ImageGeometry, Provenance, Recording
 from sonocal.recording.poses import Poses
 from sonocal.recording.signals import bottom_line_signal
 from sonocal.recording.stated import StatedScale, stated_scale
+from sonocal.recording.stream import Item, RecordingStream
 from sonocal.recording.timing import (
     Lag,
     estimate_latency,
@@ -18,10 +19,12 @@ __all__ = [
     "ArrayFrames",
     "Frames",
     "ImageGeometry",
+    "Item",
     "Lag",
     "Poses",
     "Provenance",
     "Recording",
+    "RecordingStream",
     "StatedScale",
     "Summary",
     "ToolSummary",

@@ -4,6 +4,7 @@ from sonocal.sweep.calibrate import Sweep, calibrate_points
 from sonocal.sweep.choice import CandidateCalibration, calibrate_candidates
 from sonocal.sweep.options import Options, PointsOptions
 from sonocal.sweep.recordings import calibrate_recording, sweep_of
+from sonocal.sweep.session import Session
 from sonocal.sweep.tabulate import Posing, Sightings, tabulate
 from sonocal.sweep.targets import TargetSweep
 from sonocal.sweep.unplaced_sweep import UnplacedSweep
@@ -13,6 +14,7 @@ __all__ = [
     "Options",
     "PointsOptions",
     "Posing",
+    "Session",
     "Sightings",
     "Sweep",
     "TargetSweep",
