@@ -25,7 +25,8 @@ THEIRS = re.compile(
 HANDED_ON = {
     "Bytes", "Cell", "Centre", "Content",
     "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images", "Keywords", "MappedRows",
-    "MappedTargets", "Model", "Noise", "OnInvalid", "Peer", "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress",
+    "MappedTargets", "Model", "Noise", "OnInvalid", "Peer", "PlaneSamples", "PointLineRows",
+    "PointsKeywords", "Progress",
     "Said", "SpannedRows", "Table", "TargetRows", "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
