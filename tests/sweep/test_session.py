@@ -1,5 +1,7 @@
 """A session gives what the recording of its items gives, however it was on the way."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -58,23 +60,23 @@ def test_the_stream_is_the_recording_of_its_items(swept):
 
 
 def test_a_lost_tool_never_keeps_its_pose():
-    stream = RecordingStream()
-    for pose in (np.eye(4), None, np.eye(4)):
-        stream.add(Item(float(len(stream)), {("Probe", "Tracker"): pose}))
-    stream.add(Item(3.0))
-    assert stream.recording().poses["tracker_from_probe"].valid.tolist() == [True, False, True, False]
+    with closing(RecordingStream()) as stream:
+        for pose in (np.eye(4), None, np.eye(4)):
+            stream.add(Item(float(len(stream)), {("Probe", "Tracker"): pose}))
+        stream.add(Item(3.0))
+        assert stream.recording().poses["tracker_from_probe"].valid.tolist() == [True, False, True, False]
 
 
 def test_a_recording_of_a_stream_stays_as_it_was():
-    stream = RecordingStream()
-    stream.add(Item(0.0, image=np.full((4, 5), 7, np.uint8)))
-    before = stream.recording()
-    stream.add(Item(1.0))
-    stream.add(Item(2.0, image=np.full((4, 5), 9, np.uint8)))
-    assert (len(before), before.frames[0][0, 0]) == (1, 7)
-    after = stream.recording()
-    assert after.image_valid.tolist() == [True, False, True]
-    assert [int(frame[0, 0]) for frame in after.frames] == [7, 0, 9]
+    with closing(RecordingStream()) as stream:
+        stream.add(Item(0.0, image=np.full((4, 5), 7, np.uint8)))
+        before = stream.recording()
+        stream.add(Item(1.0))
+        stream.add(Item(2.0, image=np.full((4, 5), 9, np.uint8)))
+        assert (len(before), before.frames[0][0, 0]) == (1, 7)
+        after = stream.recording()
+        assert after.image_valid.tolist() == [True, False, True]
+        assert [int(frame[0, 0]) for frame in after.frames] == [7, 0, 9]
 
 
 @pytest.mark.parametrize(
@@ -89,18 +91,18 @@ def test_a_recording_of_a_stream_stays_as_it_was():
     ],
 )
 def test_an_item_unlike_those_before_is_refused_and_nothing_of_it_kept(item, sentence):
-    stream = RecordingStream()
-    stream.add(Item(0.0, image=np.zeros((4, 5), np.uint8)))
-    with pytest.raises(sc.InputError, match=sentence):
-        stream.add(item)
-    assert len(stream) == len(stream.recording()) == 1
+    with closing(RecordingStream()) as stream:
+        stream.add(Item(0.0, image=np.zeros((4, 5), np.uint8)))
+        with pytest.raises(sc.InputError, match=sentence):
+            stream.add(item)
+        assert len(stream) == len(stream.recording()) == 1
 
 
 def test_what_shows_no_needle_is_refused_on_the_way_and_at_the_end():
-    session = Session([NEEDLE])
-    poses = {("Probe", "Tracker"): np.eye(4), ("Needle", "Tracker"): np.eye(4)}
-    for i in range(30):
-        session.add(Item(float(i), poses, np.zeros((40, 50), np.uint8)))
-    assert "no candidate was found" in session.refusal
-    with pytest.raises(sc.NoConsensusError):
-        session.finish()
+    with closing(Session([NEEDLE])) as session:
+        poses = {("Probe", "Tracker"): np.eye(4), ("Needle", "Tracker"): np.eye(4)}
+        for i in range(30):
+            session.add(Item(float(i), poses, np.zeros((40, 50), np.uint8)))
+        assert "no candidate was found" in session.refusal
+        with pytest.raises(sc.NoConsensusError):
+            session.finish()
