@@ -90,6 +90,26 @@ def test_shuffled_poses_and_noise_are_no_answers():
     assert found_in(noise, max_hypotheses=300_000).verdict == "nothing fits"
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_of_a_phantom_whose_wires_are_elsewhere_no_labels_are_found(seed):
+    rng, dots = scan_of(seed, lambda rng: phantoms.random_wires(rng, 9))
+    moved = rng.normal(size=(9, 1, 3))
+    moved *= 6.0 / np.linalg.norm(moved, axis=2, keepdims=True)
+    elsewhere = phantoms.Dots(dots.points, dots.frame, dots.truth, dots.wires + moved)
+    assert found_in(elsewhere, max_hypotheses=300_000).verdict != "found"
+
+
+def test_wires_that_are_not_in_view_are_to_be_left_out():
+    _, dots = scan_of(3, lambda rng: phantoms.random_wires(rng, 9))
+    few = dots.truth < 4
+    seen = phantoms.Dots(dots.points[few], dots.frame[few], dots.truth[few], dots.wires)
+    found = found_in(seen)
+    assert found.verdict == "nothing fits"
+    assert "5 of 9 lines are hardly met" in found.reason
+    alone = phantoms.Dots(dots.points[few], dots.frame[few], dots.truth[few], dots.wires[:, :4])
+    assert found_in(alone).verdict == "found"
+
+
 def test_a_search_that_ends_too_early_is_unfinished():
     _, dots = scan_of(9, lambda rng: phantoms.random_wires(rng, 12))
     dots = phantoms.spoilt(np.random.default_rng(0), dots, 0.3, 1.0)

@@ -12,7 +12,7 @@ from sonocal import _core
 from sonocal.errors import InputError
 from sonocal.geometry import Array, Similarity
 from sonocal.geometry.shown import brief
-from sonocal.registration.label_evidence import by_chance, ratio_to_shuffled, tells_apart
+from sonocal.registration.label_evidence import by_chance, hardly_seen, ratio_to_shuffled, tells_apart
 from sonocal.registration.label_rivals import rival_starts
 from sonocal.registration.label_table import LabelTable, Settled
 from sonocal.registration.options import positive_number, whole_number
@@ -29,6 +29,8 @@ SAME_LABELS = 0.02
 # Log of expected answers by chance.
 SURE = -7.0
 LEAST_RATIO = 1.04
+# Part of the lines: one or two of a phantom may be broken, or hidden.
+MOST_HARDLY_SEEN = 1 / 3
 # In thresholds: frames whose wires are nearer to one another say nothing of the poses.
 STILL = 3.0
 LABELLING = "another labelling"
@@ -170,6 +172,9 @@ def _judged(
     elif symmetric is None and ratio < LEAST_RATIO:
         verdict = "nothing fits"
         reason = f"lines of other frames fit as well (the score is {ratio:.2f} of theirs): no pose tells"
+    elif len(missing := hardly_seen(table, best)) > MOST_HARDLY_SEEN * table.wires.shape[1]:
+        verdict = "nothing fits"
+        reason = f"{len(missing)} of {table.wires.shape[1]} lines are hardly met: they are elsewhere, or not in view"
     elif symmetric is None and not finished:
         verdict, reason = (
             "unfinished",

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 from sonocal.registration.label_table import LabelTable, Settled
 
-__all__ = ["by_chance", "ratio_to_shuffled", "tells_apart"]
+__all__ = ["by_chance", "hardly_seen", "ratio_to_shuffled", "tells_apart"]
 
 # What a dot that no wire explains costs, in nats: as much as one that is three standard deviations off.
 MOST_COST = 4.5
@@ -15,6 +16,8 @@ MOST_COST = 4.5
 STANDARD_ERRORS, NATS = 2.5, 25.0
 # Of a few frames, of which nobody knows how much they scatter.
 NATS_OF_FEW = 14.0
+# A wire of fewer dots than such a part of the best met one's is hardly seen, where there are so many frames.
+HARDLY, LEAST_SHOWN = 0.25, 4
 # Of frames, from which on these tell how much their differences scatter.
 ENOUGH_FRAMES = 6
 SHUFFLES = (0.5, 0.25, 0.38, 0.62, 0.12)
@@ -71,6 +74,17 @@ def by_chance(table: LabelTable, settled: Settled, threshold_mm: float) -> float
         tail = float(bdtrc(hits - SAMPLE - 1, count - SAMPLE, one))
         least = min(least, answers + float(np.log(max(tail, 1e-300))))
     return least
+
+
+def hardly_seen(table: LabelTable, settled: Settled) -> NDArray[np.int64]:
+    """Wires of which far fewer dots are than of the others.
+
+    Dots are lost of all wires alike; of a phantom whose wires are elsewhere a few are met by accident, others never.
+    """
+    if np.count_nonzero(np.diff(table.first)) < LEAST_SHOWN:
+        return np.empty(0, dtype=np.int64)
+    hits = np.bincount(settled.labels[settled.labels >= 0], minlength=table.wires.shape[1])
+    return np.flatnonzero(hits < HARDLY * hits.max())
 
 
 def ratio_to_shuffled(table: LabelTable, settled: Settled, threshold_mm: float) -> float:
