@@ -10,8 +10,8 @@ namespace {
 constexpr int kFitRounds = 60;
 // Standard deviations.
 constexpr double kFitAtRest = 1e-4;
-// Residuals to spare, below which two levels are not told apart and only their common factor is: of 30 the region
-// stated to hold a floor's place in 95 of 100 holds it in 92.
+// Residuals to spare, below which two levels are not told apart and only their common factor is: of 30 the
+// region stated to hold a floor's place in 95 of 100 holds it in 92.
 constexpr int kTellsApart = 60;
 // Of what a level is expected to be, squared.
 constexpr double kLeastLevel = 1e-4;
