@@ -47,7 +47,8 @@ def unpacked(release: str, machine: str, *packages: str) -> Root:
         for package in sorted((root / "cache" / "archives").glob("*.deb")):
             run(["dpkg", "-x", package, root / "root"])
         for merged in ("bin", "lib", "lib64", "sbin"):  # the links that Debian's base files would make
-            if not (link := root / "root" / merged).exists():
+            link = root / "root" / merged
+            if not (link.exists() or link.is_symlink()):  # one that leads nowhere is there, too
                 link.symlink_to(f"usr/{merged}")
         done.touch()
     return Root(root / "root", machine)
