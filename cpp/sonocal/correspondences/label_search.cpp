@@ -38,7 +38,8 @@ class BestShare {
   explicit BestShare(double share) : share_(share) {}
   double least() const { return least_ * kBin; }
   bool passes(double value) {
-    const int bin = std::clamp(static_cast<int>(value / kBin), 0, kBins - 1);
+    const double place = value / kBin;  // not a number where dots are far out of any image
+    const int bin = place > 0 ? static_cast<int>(std::min(place, kBins - 1.0)) : 0;
     ++counts_[bin];
     if (++seen_ % kAgain == 0) look();
     return bin >= least_;
