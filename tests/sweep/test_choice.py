@@ -175,7 +175,9 @@ def test_nine_real_wires_5_mm_apart_calibrate_with_nobody_clicking(data_folder):
 def test_wires_whose_place_is_not_known_are_refused(data_folder):
     """The device set beside this recording leaves its phantom unregistered: no calibration is right."""
     recording, lines, fixed = wires(data_folder, "NwirePhantomFreehand")
-    with pytest.raises(sc.NoConsensusError, match="no labels of the 6 wires fit: 3 of 6 lines are hardly met"):
+    with pytest.raises(
+        sc.NoConsensusError, match="no labels of the 6 wires fit: 3 of 6 lines are hardly met"
+    ):
         calibrate_recording(recording, lines, fixed=fixed)
 
 
