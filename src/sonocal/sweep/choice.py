@@ -137,7 +137,7 @@ def calibrate_chosen(
     labels = labels_of(table) if start is None else None
     begin = _first_consensus(table, total, start) if labels is None else labels.target_from_source
     assert begin is not None
-    if options.threshold_mm in ("auto", most_mm):
+    if labels is not None and options.threshold_mm in ("auto", most_mm):
         table = kind(candidates, options, widened_mm(labels, within_mm))
     transform, first = settled_at(table, begin)
     table, settled = _looked_again(table, look_again, transform, first)

@@ -66,9 +66,9 @@ def _parts(rows: Observations) -> tuple[Array, NDArray[np.int64], Array] | None:
     return np.asarray(rows.points_px[first]), np.asarray(frame[first]), np.asarray(wires)
 
 
-def widened_mm(labels: Association | None, within_mm: float) -> float:
+def widened_mm(labels: Association, within_mm: float) -> float:
     """How far a wire's own candidates may be, once labels stand: as its noise has it, up to twice as far."""
-    if labels is None or labels.verdict != "found":
+    if labels.verdict != "found":
         return within_mm
     # The distance of a point to a line in space has two components: its median is 1.18 standard deviations.
     sigma_mm = float(np.nanmedian(labels.residuals_mm)) / 1.1774
