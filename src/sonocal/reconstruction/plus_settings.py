@@ -18,7 +18,6 @@ from sonocal.geometry.shown import brief
 __all__ = ["PlusSettings", "Sticks", "read_plus_settings"]
 
 Pair = tuple[float, float]
-NO_FAN: Pair = (0.0, 0.0)
 INTERPOLATIONS = {"NEAREST_NEIGHBOR": False, "LINEAR": True}
 COMPOUNDINGS = ("MEAN", "IMPORTANCE_MASK", "MAXIMUM", "LATEST")
 OPTIMIZATIONS = ("NONE", "PARTIAL", "FULL")

@@ -19,8 +19,6 @@ LEAST_TILT_DEG = 30.0
 MOST_SENTENCES = 4
 MOST_TILTS = 400
 ROWS, COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
-SIDES = ("right", "bottom", "left", "top")
-"""Sectors about the image's normal: towards +u, +v, -u and -v."""
 
 
 def coverage_of(found: Calibration, rows: Observations) -> dict[str, Any]:
