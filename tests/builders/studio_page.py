@@ -8,6 +8,7 @@ import pytest
 from tests.builders.browser import CHROMIUM
 
 AXE = Path(__file__).parents[2] / "scripts" / "page" / "node_modules" / "axe-core" / "axe.min.js"
+DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 READY = '#numbers:not([data-revision=""])'
 
 
@@ -25,6 +26,8 @@ class Page:
         return self
 
     def text(self, selector):
+        """What stands there once what changed is drawn: the page draws with the screen's next picture."""
+        self.tab.evaluate(DRAWN)
         return self.tab.inner_text(selector)
 
     def revision(self):
