@@ -188,7 +188,9 @@ def test_a_file_that_is_open_elsewhere_is_to_be_closed(tmp_path, monkeypatch, th
     ],
 )
 @pytest.mark.parametrize(
-    "use", [sc.read_observations, sc.read_recording, sc.load, read_lines, read_detections, saved], ids=lambda use: use.__name__
+    "use",
+    [sc.read_observations, sc.read_recording, sc.load, read_lines, read_detections, saved],
+    ids=lambda use: use.__name__,
 )
 def test_what_names_no_file_is_refused_wherever_a_file_is_named(use, name, sentence):
     with pytest.raises(InputError) as caught:

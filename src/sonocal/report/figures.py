@@ -12,7 +12,7 @@ from sonocal.geometry import Array, homogeneous_points, segment_directions
 from sonocal.observations import Observations
 from sonocal.registration.noise import residual_vectors
 from sonocal.registration.uncertainty import radius_95
-from sonocal.report.style import ACROSS, ERROR_MAP, FITTED, HELD_OUT, INK, OUTLIER
+from sonocal.report.style import ACROSS, ERROR_MAP, FITTED, HELD_OUT, INK, ON_MAP, OUTLIER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,11 +51,11 @@ def plot_predicted_error(
     if calibration.dimension == 3:
         places = np.column_stack([places, np.full(len(places), (low[2] + high[2]) / 2)])
     below = radius_95(calibration.predict(places)[1], calibration.noise.freedom).reshape(GRID, GRID)
-    filled = axis.contourf(u, v, below, levels=10, cmap=ERROR_MAP)
+    filled = axis.contourf(u, v, below, levels=_round_levels(below), cmap=ERROR_MAP)
     axis.figure.colorbar(filled, ax=axis, label="95 % of errors are below, mm", **BAR)
     if observations is not None:
         seen = observations.points_px[_thinned(len(observations))]
-        axis.plot(seen[:, 0], seen[:, 1], ".", color=INK, markersize=2, alpha=0.6)
+        axis.plot(seen[:, 0], seen[:, 1], ".", color=ON_MAP, markersize=2, alpha=0.6)
     _image_axes(axis, calibration)
     where = f", slice w = {(low[2] + high[2]) / 2:.0f} px" if calibration.dimension == 3 else ""
     axis.set_title(f"Predicted error over the {calibration.area_name}{where}")
@@ -88,9 +88,14 @@ def plot_residuals_over_image(axis: Axes, calibration: Calibration, observations
         clim=(-limit, limit),
         width=0.004,
     )
-    axis.quiverkey(drawn, 0.78, 1.045, typical, f"{typical:.2f} mm", labelpos="E", fontproperties={"size": 8})
+    axis.quiverkey(
+        drawn, 0.78, 1.045, typical, f"{typical:.2f} mm", labelpos="E", color=INK, fontproperties={"size": 8}
+    )
     axis.figure.colorbar(drawn, ax=axis, label="across the image plane, mm", **BAR)
     tips = chosen.points_px[:, :2] + residuals[:, :2] / mm_per_px
+    left_out = _left_out(calibration, observations)
+    if len(left_out):  # their residuals are arrows across the page
+        axis.plot(*left_out.T, "x", color=OUTLIER, markersize=5, clip_on=False, label="left out")
     _image_axes(axis, calibration, tips)
     axis.set_title("Residuals")
 
@@ -181,6 +186,26 @@ def _image_axes(axis: Axes, calibration: Calibration, shown_px: Array | None = N
         low, high = np.minimum(low, shown_px.min(axis=0)), np.maximum(high, shown_px.max(axis=0))
     axis.set(xlim=(low[0] - pad[0], high[0] + pad[0]), ylim=(high[1] + pad[1], low[1] - pad[1]))
     axis.set(xlabel="u, px", ylabel="v, px", aspect="equal")
+
+
+def _round_levels(values: Array) -> Array:
+    """About ten levels around values, at numbers that one would write."""
+    from matplotlib.ticker import MaxNLocator
+
+    return np.asarray(
+        MaxNLocator(10, steps=[1, 2, 5, 10]).tick_values(float(values.min()), float(values.max()))
+    )
+
+
+def _left_out(calibration: Calibration, observations: Observations) -> Array:
+    """Pixels (M, 2) within the image's area of rows beyond the threshold, where others agree."""
+    beyond = line_distances(calibration.probe_from_image, observations) > calibration.threshold_mm
+    if beyond.all():  # rows of another scan are drawn as arrows
+        return np.empty((0, 2))
+    low, high = calibration.area_px[:, :2]
+    seen = observations.points_px[beyond][:, :2]
+    seen = seen[np.all((seen >= low) & (seen <= high), axis=1)]
+    return seen[_thinned(len(seen))] if len(seen) else seen
 
 
 def _agreeing(calibration: Calibration, observations: Observations) -> Observations:

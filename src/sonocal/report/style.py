@@ -12,10 +12,21 @@ FAINT = "#c9ced6"
 # On images, which are grey: as bright as can be.
 DETECTED, TRACKED = "#35e06f", "#ff4136"
 ERROR_MAP = "YlOrBr"
+# On the map, which is bright in every look.
+ON_MAP = "#101215"
 # Before, in and behind the image plane: dark in the middle, so that no arrow fades into the page.
 ACROSS = (FITTED, "#50555d", HELD_OUT)
 # The axes x, y, z of a frame.
 AXES = ("#c0392b", "#2e8b57", "#1f5fa8")
+
+# In a page a figure follows its light or dark look: variables of style.html.
+ON_PAGE = {
+    INK: "var(--ink)",
+    FAINT: "var(--line)",
+    FITTED: "var(--mark)",
+    HELD_OUT: "var(--other)",
+    OUTLIER: "var(--outlier)",
+}
 
 RC: Any = {
     "svg.fonttype": "none",

@@ -11,7 +11,7 @@ from sonocal.calibration import Calibration
 from sonocal.errors import UnsupportedError
 from sonocal.geometry import Array, AxisScaled, Similarity
 from sonocal.report import views3d
-from sonocal.report.style import RC
+from sonocal.report.style import ON_PAGE, RC
 
 __all__ = ["figure_svg", "matrix_svg"]
 
@@ -59,4 +59,6 @@ def figure_svg(
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     for before in (' id="', "url(#", 'xlink:href="#', ' href="#'):
         text = text.replace(before, f"{before}{name}-")
+    for colour, variable in ON_PAGE.items():
+        text = text.replace(colour, variable)
     return text.replace("<svg", '<svg role="img"', 1)

@@ -176,5 +176,5 @@ def _finish(axis: Axes3D, points: Array) -> None:
     axis.set_box_aspect((1, 1, 1), zoom=0.9)
     axis.locator_params(nbins=5)
     for side in (axis.xaxis, axis.yaxis, axis.zaxis):
-        side.pane.set_facecolor("white")
+        side.pane.set_facecolor("none")
         side.pane.set_edgecolor(FAINT)

@@ -13,6 +13,7 @@ from sonocal.files.png import Pixels
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Recording
+from sonocal.sweep.glyphs import written
 
 __all__ = ["contact_sheet"]
 
@@ -29,12 +30,8 @@ VIEWS: dict[int, tuple[tuple[int | None, list[int]], ...]] = {
     3: ((0, [0, 1]), (2, [2, 1])),
 }
 
-# Digits 0 to 9, five rows of three pixels each, and how many pixels of the sheet one of theirs takes.
-DIGITS = (
-    *("111101101101111", "010110010010111", "111001111100111", "111001111001111", "101101111001001"),
-    *("111100111001111", "111100111101111", "111001010010010", "111101111101111", "111101111001111"),
-)
-DIGIT_PX = 2
+# Words below, in the colours of what they name.
+LEGEND = (("CHOSEN", CHOSEN), ("BEST", FIRST), ("OTHERS", OTHER))
 
 Mark = tuple[Array, tuple[int, int, int]]
 """Points (P, D) px and their colour."""
@@ -48,8 +45,9 @@ def contact_sheet(
 ) -> Pixels:
     """Images spread over a recording with detections marked: orange, yellow the best, green the chosen one.
 
-    Each bears its frame's number. A volume shows as the brightest voxels seen from the front, along w, and from the
-    side, along u, with its lines dotted. So are walls: from one of the points that were fitted to another.
+    Each bears its frame's number, and a line below names the colours. A volume shows as the brightest voxels seen
+    from the front, along w, and from the side, along u, with its lines dotted. So are walls: from one of the points
+    that were fitted to another.
 
     Args:
         recording: images.
@@ -74,7 +72,7 @@ def contact_sheet(
     pictures = [_tile(recording, _marks(kinds, chosen, i), i) for i in wanted]
     pictures += [np.zeros_like(pictures[0])] * (-len(pictures) % COLUMNS)
     rows = [np.hstack(pictures[i : i + COLUMNS]) for i in range(0, len(pictures), COLUMNS)]
-    return np.asarray(np.vstack(rows))
+    return np.asarray(np.vstack([*rows, _legend(rows[0].shape[1])]))
 
 
 def _marks(kinds: Sequence[Detections], chosen: Observations | None, index: int) -> list[Mark]:
@@ -108,12 +106,22 @@ def _tile(recording: Recording, marks: list[Mark], index: int) -> Pixels:
 
 def _number(tile: Pixels, index: int) -> None:
     """The frame's number at the lower left, white on black; an image too small for it goes without."""
-    glyphs = [np.array([*DIGITS[int(digit)]], dtype=np.uint8).reshape(5, 3) for digit in str(index)]
-    line = np.pad(np.hstack([np.pad(glyph, ((1, 1), (1, 0))) for glyph in glyphs]), ((0, 0), (0, 1)))
-    pixels = np.kron(line, np.full((DIGIT_PX, DIGIT_PX), 255, dtype=np.uint8))
-    height, width = pixels.shape
+    mask = written(str(index))
+    height, width = mask.shape
     if 2 * height <= tile.shape[0] and width <= tile.shape[1]:
-        tile[-1 - height : -1, :width] = pixels[:, :, None]
+        tile[-1 - height : -1, :width] = 255 * mask[:, :, None]
+
+
+def _legend(width: int) -> Pixels:
+    """A strip that names the colours; as many as there is room for."""
+    words = [(written(word), colour) for word, colour in LEGEND]
+    strip = np.zeros((words[0][0].shape[0], width, 3), dtype=np.uint8)
+    left = 0
+    for mask, colour in words:
+        if left + mask.shape[1] <= width:
+            strip[:, left : left + mask.shape[1]][mask] = colour
+        left += 2 * mask.shape[0] + mask.shape[1]
+    return strip
 
 
 def _view(
