@@ -20,7 +20,8 @@ import lief
 
 from targets import FLOOR, STABLE, TARGETS, Target
 
-LARGEST = 1_500_000  # bytes
+# Bytes. Half of a wheel is the Python of all rooms, which grows with what is built; the module must not grow with it.
+LARGEST, LARGEST_MODULE = 2_000_000, 900_000
 OF_PYTHON = re.compile(r"_?Py[A-Z_]\w*")
 # What manylinux2014, macOS and Windows have by themselves.
 LIBRARIES = {
@@ -138,6 +139,9 @@ def faults(wheel: Path, target_name: str, version: tuple[int, int], offered: set
             for name in archive.namelist()
             if name.endswith((".so", ".pyd", ".dll", ".dylib", ".o", ".a"))
         ]
+        packed = sum(archive.getinfo(name).compress_size for name in modules)
+    if packed > LARGEST_MODULE:
+        yield f"has a module of {packed} bytes, packed, more than {LARGEST_MODULE}"
         if modules != [f"sonocal/{target.module(version)}"]:
             yield f"holds {', '.join(modules)} and not {target.module(version)} alone"
             return
