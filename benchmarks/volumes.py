@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 import sonocal as sc
-from benchmarks.simulators.fields import grey_at, path, probe_from_image, recorded, turned
+from benchmarks.simulators.fields import grey_at, path, probe_from_image, recorded
+from benchmarks.volumes_error import error
 from benchmarks.volumes_large import large
 from benchmarks.volumes_left_out import left_out
 from sonocal import _core
@@ -25,7 +26,6 @@ from sonocal.existing import read_existing
 from sonocal.reconstruction import making, pieces, reconstruct_like_plus
 from sonocal.reconstruction.options import Options
 from sonocal.reconstruction.placed import place
-from sonocal.recording import ImageGeometry, Poses, Recording
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 SPINE = "volumes/SpinePhantomFreehand.igs.mha"
@@ -178,53 +178,6 @@ def smoothing(seeds: range) -> None:
     print(
         f"smoothing {len(seeds)} sweeps: rms {raw:.2f} as they are, {smooth:.2f} smoothed: {smooth / raw - 1:+.0%}"
     )
-
-
-def error(seeds: range) -> None:
-    """How often a pixel's true place is within the predicted distance of the voxel that it was put into."""
-    for mode in ("nearest", "between"):
-        within, total = 0, 0
-        for seed in seeds:
-            rng = np.random.default_rng([seed, 2])
-            seen, true = _jittered(rng, path(30))
-            inside, count = _covered(seen, true, mode)
-            within, total = within + inside, total + count
-        print(f"error     {mode}: {within / total:.1%} of {total} places within the predicted 95 %")
-
-
-def _jittered(rng: Any, poses: Any) -> tuple[Any, Any]:
-    seen = poses.copy()
-    seen[:, :3, :3] = poses[:, :3, :3] @ turned(rng, np.radians(0.3), len(poses))
-    seen[:, :3, 3] += rng.normal(0, 0.3, (len(poses), 3))
-    return seen, poses
-
-
-def _covered(seen: Any, true: Any, mode: str) -> tuple[int, int]:
-    """Of pixels, where their poses as seen and as they were put them; between frames, midway and elsewhere."""
-    from sonocal.reconstruction.sureness import error_image_um
-
-    frames = recorded(seen[:1]).frames
-    options = Options(noise_mm=0.3, noise_deg=0.3, interpolation=mode)
-    one = Poses.of("Probe", "Tracker", seen)
-    recording = Recording(
-        np.arange(len(seen)) / 20, _same(frames, len(seen)), {one.name: one}, ImageGeometry.of(frames, 2)
-    )
-    matrix = probe_from_image()
-    predicted = error_image_um(matrix, place(recording, matrix, options), options) / 1000
-    v, u = np.mgrid[:80:9, :100:9]
-    pixels = np.stack([u.ravel(), v.ravel(), 0 * u.ravel(), 1 + 0 * u.ravel()]).astype(float)
-    off = ((seen - true) @ matrix @ pixels)[:, :3].transpose(0, 2, 1)
-    if mode == "between":
-        t = np.random.default_rng(0).random((len(off) - 1, off.shape[1], 1))
-        off = (1 - t) * off[:-1] + t * off[1:]
-    inside = np.linalg.norm(off, axis=2) <= predicted[v.ravel(), u.ravel()]
-    return int(inside.sum()), inside.size
-
-
-def _same(frames: Any, count: int) -> Any:
-    from sonocal.reconstruction.sureness import Repeated
-
-    return Repeated(frames[0], count)
 
 
 PARTS = {

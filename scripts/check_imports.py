@@ -45,6 +45,7 @@ ROOMS: dict[str, set[str]] = {
         "recording",
         "recording.formats",
         "registration",
+        "report",
         "targets",
         "_core",
     },

@@ -129,6 +129,17 @@ def test_what_makes_no_volume_is_said_in_a_sentence(tmp_path):
         made(file, dataclasses.replace(sweep, frames=floats))
 
 
+def test_a_page_that_cannot_be_made_leaves_the_volume(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_recording(recorded(path(12)), "sweep.igs.mha")
+    np.savetxt("matrix.txt", probe_from_image())
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    done = run("reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "volume.mha")
+    assert done.exit_code == 0, done.output
+    assert "Note: the report needs jinja2" in done.output
+    assert sorted(p.name for p in tmp_path.glob("volume*")) == ["volume.mha"]
+
+
 def run(*words):
     return CliRunner(env={"COLUMNS": "200", "TERM": "dumb"}).invoke(main, [str(word) for word in words])
 
@@ -141,6 +152,15 @@ def test_the_command_writes_what_the_function_makes(tmp_path, monkeypatch):
     done = run("reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "volume.mha", *options)
     assert done.exit_code == 0, done.output
     assert "12 images: 51 x 31 x 31 voxels of 0.5 x 0.5 x 1 mm in Tracker" in done.output
+    assert sorted(p.name for p in tmp_path.glob("volume*")) == [
+        "volume-coverage.mha",
+        "volume.html",
+        "volume.mha",
+    ]
+    assert "sweep.igs.mha" in (tmp_path / "volume.html").read_text("utf-8")
+    plain = run("reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "plain.mha", "--no-report")
+    assert plain.exit_code == 0, plain.output
+    assert not (tmp_path / "plain.html").exists()
     again = run("reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "volume.mha")
     assert again.exit_code == 1
     assert "is there already" in again.output

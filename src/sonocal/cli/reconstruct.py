@@ -17,6 +17,7 @@ from sonocal.cli.options import (
     LATENCY,
     MARKERS,
     MASK,
+    NO_REPORT,
     POSES,
     PROBE,
     WRITTEN,
@@ -38,6 +39,9 @@ OWN = (
     *("spacing_mm", "bounds_mm", "reference", "interpolation", "compounding", "speckle", "longest_gap_mm"),
     *("noise_mm", "noise_deg", "smooth", "coverage", "error", "axes", "threads"),
 )
+
+SHOWN = tuple(name for name in OWN if name not in ("coverage", "error", "axes", "threads"))
+"""Of the options, those that change the voxels: the page tells them."""
 
 
 class _Numbers(click.ParamType[tuple[float, ...]]):
@@ -80,7 +84,9 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
             *("interpolation", "compounding", "speckle", "longest_gap_mm", "mask", "like_plus", "threads"),
         ),
         "What is known of the tracker": ("noise_mm", "noise_deg", "smooth"),
-        "What is written and shown": ("output", "coverage", "error", "axes", "overwrite", "as_json"),
+        "What is written and shown": (
+            *("output", "coverage", "error", "axes", "report", "overwrite", "as_json"),
+        ),
     },
     examples=(
         "sonocal reconstruct sweep.igs.mha calibration.json -o volume.mha",
@@ -170,6 +176,7 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
 @INVALID
 @MASK
 @of_other_software
+@NO_REPORT
 @OVERWRITE
 @JSON
 def reconstruct(
@@ -179,6 +186,7 @@ def reconstruct(
     *,
     like_plus: Path | None,
     mask: Path | None,
+    report: bool,
     overwrite: bool,
     as_json: bool,
     **options: Any,
@@ -189,6 +197,7 @@ def reconstruct(
     3D Slicer (.tfm, .h5), a 4 x 4 (text, .npy).
     """
     from sonocal.cli.formats import calibration_in
+    from sonocal.cli.volume_report import page_beside, write_volume_page
     from sonocal.reconstruction.store import beside_volume
 
     if like_plus is not None and (wrong := typed((*OWN[:-2], "threads", "mask"))):
@@ -196,17 +205,22 @@ def reconstruct(
     channels = {"coverage": "coverage", "error": "error-um"}
     written = [output, *(beside_volume(output, name) for option, name in channels.items() if options[option])]
     _refuse_name(output)
-    reserve(*written)
+    pages = [page_beside(output)] if report else []
+    reserve(*written, *pages)
     loaded = calibration_in(calibration, choice_of(options))
     refuse_choice(loaded)
     _refuse_lag(loaded, calibration, options["latency_s"])
     sweep = read_given(recording, options)
-    reserve(*written, read=sweep.provenance.paths)
-    with progress("making the volume") as report:
+    reserve(*written, *pages, read=sweep.provenance.paths)
+    with progress("making the volume") as told:
         if like_plus is not None:
-            volume = _as_plus(sweep, loaded, like_plus, output, options | {"progress": report})
+            volume = _as_plus(sweep, loaded, like_plus, output, options | {"progress": told})
         else:
-            volume = _own(sweep, loaded, mask, output, options | {"progress": report})
+            volume = _own(sweep, loaded, mask, output, options | {"progress": told})
+    if report:
+        sources = {"recording": recording, "calibration": calibration, "as PLUS by": like_plus, "mask": mask}
+        chosen = {} if like_plus else {name: options[name] for name in SHOWN}
+        written += write_volume_page(volume, output, options["axes"], sources | chosen)
     if as_json:
         say_json(_record(volume, output))
         return

@@ -8,6 +8,19 @@ from sonocal.reconstruction.grid import Grid
 from sonocal.reconstruction.like_plus import reconstruct_like_plus
 from sonocal.reconstruction.making import reconstruct
 from sonocal.reconstruction.options import Options
+from sonocal.reconstruction.page import plot_picture, volume_html
+from sonocal.reconstruction.previews import Picture, preview
 from sonocal.reconstruction.volume import Volume
 
-__all__ = ["Grid", "Options", "Volume", "reconstruct", "reconstruct_like_plus", "write_array"]
+__all__ = [
+    "Grid",
+    "Options",
+    "Picture",
+    "Volume",
+    "plot_picture",
+    "preview",
+    "reconstruct",
+    "reconstruct_like_plus",
+    "volume_html",
+    "write_array",
+]

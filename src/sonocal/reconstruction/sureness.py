@@ -60,22 +60,30 @@ def error_image_um(
     """(rows, columns): the distance that 95 % of a pixel's places stay within, in micrometres; at most 65535."""
     u, v = np.linspace(0, placed.width - 1, PLACES), np.linspace(0, placed.height - 1, PLACES)
     points = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    covariances = np.zeros((len(points), 3, 3))
-    freedom: float | None = None
-    if isinstance(calibration, Calibration) and calibration.covariance is not None:
-        covariances += calibration.predict(points)[1]
-        freedom = calibration.noise.freedom
     places = (
         np.column_stack([points, 0 * points[:, 0], np.ones(len(points))]) @ image_matrix(calibration)[:3].T
     )
     share = MIXED if options.interpolation == "between" else 1.0
-    covariances += share * _of_poses(places, options)
-    radii = (radius_95(covariances) if freedom is None else radius_95(covariances, freedom)).reshape(
-        PLACES, PLACES
-    )
+    of_poses = share * _of_poses(places, options)
+    radii = _radii(calibration, points, of_poses).reshape(PLACES, PLACES)
     rows = np.array([np.interp(np.arange(placed.width), u, row) for row in radii])
     whole = np.array([np.interp(np.arange(placed.height), v, column) for column in rows.T]).T
     return np.ascontiguousarray(np.clip(np.rint(1000 * whole), 1, MOST_UM), dtype=np.uint16)
+
+
+def _radii(calibration: Calibration | Existing | ArrayLike, points_px: Array, of_poses: Array) -> Array:
+    """(N,) mm, of both errors together.
+
+    Of a calibration's covariance the size rests on few residuals, of the tracker's it is given: the sum has more
+    freedom than the first, by the square of their ratio (Welch 1947, Satterthwaite 1946).
+    """
+    if not isinstance(calibration, Calibration) or calibration.covariance is None:
+        return radius_95(of_poses)
+    own = calibration.predict(points_px)[1]
+    whole = own + of_poses
+    more = np.trace(whole, axis1=1, axis2=2) / np.maximum(np.trace(own, axis1=1, axis2=2), 1e-12)
+    freedom = calibration.noise.freedom * more**2
+    return np.array([radius_95(one, float(few)) for one, few in zip(whole, freedom, strict=True)])
 
 
 def _of_poses(places_mm: Array, options: Options) -> Array:
