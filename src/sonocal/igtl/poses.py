@@ -15,6 +15,9 @@ from sonocal.igtl.fields import Bytes, as_floats, floats, name_of, padded
 
 __all__ = ["Position", "QuaternionTool", "QuaternionTools", "Tool", "Tools", "Transform"]
 
+MOST_TOOLS = 1 << 12
+"""Of a message: each takes several times its bytes once it is read."""
+
 
 @dataclass(frozen=True, eq=False)
 class Transform:
@@ -170,6 +173,10 @@ def _exactly(body: Bytes, size: int, where: str) -> Bytes:
 
 
 def _parts(body: Bytes, size: int, where: str) -> list[Bytes]:
+    if len(body) > MOST_TOOLS * size:
+        raise FormatError(
+            f"{where}: {len(body) // size} tools are more than the {MOST_TOOLS} that sonocal takes; see what sends it"
+        )
     if len(body) % size:
         raise FormatError(
             f"{where}: tools take {size} bytes each, {len(body)} bytes arrived; see what sends it"

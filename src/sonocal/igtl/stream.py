@@ -15,6 +15,8 @@ __all__ = ["Stream"]
 
 # Pieces below this go out together: a segment of its own costs more than the copy.
 SMALL_PIECE = 1 << 12
+# A longer body gets room as it comes: what a header announces costs nothing until it is there.
+FIRST_ROOM = 1 << 20
 
 
 class Stream:
@@ -42,7 +44,7 @@ class Stream:
             FormatError: it is none: what follows cannot be told apart any more.
             InputError: the connection ended.
         """
-        self._fill(self._header, "between messages")
+        self._fill(self._header, "between messages", 0, HEADER_BYTES)
         self.count += 1
         return read_header(self._header, self._where())
 
@@ -53,11 +55,14 @@ class Stream:
             FormatError: it is damaged; the next one can be read.
             InputError: the connection ended inside it.
         """
-        if len(self._body) < header.body_bytes:
-            self._body = memoryview(bytearray(header.body_bytes))
-        body = self._body[: header.body_bytes]
-        self._fill(body, f"inside message {self.count}, a {header.kind}")
-        return decode_body(header, body, self._where())
+        size, done, when = header.body_bytes, 0, f"inside message {self.count}, a {header.kind}"
+        while done < size:
+            if done == len(self._body):
+                self._grow(min(size, max(FIRST_ROOM, 2 * done)))
+            end = min(size, len(self._body))
+            self._fill(self._body[done:end], when, done, size)
+            done = end
+        return decode_body(header, self._body[:size], self._where())
 
     def send(self, pieces: Sequence[Bytes]) -> None:
         """Send the pieces of a message.
@@ -89,7 +94,13 @@ class Stream:
     def _where(self) -> str:
         return f"{self.peer}, message {self.count}"
 
-    def _fill(self, room: memoryview, when: str) -> None:
+    def _grow(self, size: int) -> None:
+        room = memoryview(bytearray(size))
+        room[: len(self._body)] = self._body
+        self._body = room
+
+    def _fill(self, room: memoryview, when: str, before: int, due: int) -> None:
+        """Fill a part of a whole of `due` bytes, of which `before` are there."""
         done = 0
         while done < len(room):
             try:
@@ -99,7 +110,7 @@ class Stream:
                     f"{self.peer}: the connection ended {when} ({_reason(error)}); connect again"
                 ) from error
             if got == 0:
-                cut = f", after {done} of {len(room)} bytes" if done else ""
+                cut = f", after {before + done} of {due} bytes" if before + done else ""
                 raise InputError(f"{self.peer}: the connection ended {when}{cut}; connect again")
             done += got
 

@@ -13,6 +13,7 @@ from sonocal.igtl.fields import Bytes, name_of, padded, take, text_bytes, text_o
 __all__ = ["Capability", "Command", "CommandReply", "Status", "Text"]
 
 _TYPE_BYTES = 12
+MOST_TYPES = 1 << 12
 _COMMAND = struct.Struct(">I128sHI")
 
 
@@ -80,9 +81,10 @@ class Capability:
     @classmethod
     def from_bytes(cls, body: Bytes, where: str) -> Self:
         """Decoded from the content of a message."""
-        if len(body) % _TYPE_BYTES:
+        if len(body) % _TYPE_BYTES or len(body) > MOST_TYPES * _TYPE_BYTES:
             raise FormatError(
-                f"{where}: types take {_TYPE_BYTES} bytes each, {len(body)} bytes arrived; see what sends it"
+                f"{where}: types take {_TYPE_BYTES} bytes each, at most {MOST_TYPES} of them, {len(body)} bytes "
+                "arrived; see what sends it"
             )
         starts = range(0, len(body), _TYPE_BYTES)
         return cls(tuple(name_of(body[at : at + _TYPE_BYTES]) for at in starts))
