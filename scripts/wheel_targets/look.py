@@ -139,9 +139,8 @@ def faults(wheel: Path, target_name: str, version: tuple[int, int], offered: set
             for name in archive.namelist()
             if name.endswith((".so", ".pyd", ".dll", ".dylib", ".o", ".a"))
         ]
-        packed = sum(archive.getinfo(name).compress_size for name in modules)
-    if packed > LARGEST_MODULE:
-        yield f"has a module of {packed} bytes, packed, more than {LARGEST_MODULE}"
+        if (packed := sum(archive.getinfo(name).compress_size for name in modules)) > LARGEST_MODULE:
+            yield f"has a module of {packed} bytes, packed, more than {LARGEST_MODULE}"
         if modules != [f"sonocal/{target.module(version)}"]:
             yield f"holds {', '.join(modules)} and not {target.module(version)} alone"
             return
