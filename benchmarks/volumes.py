@@ -2,8 +2,8 @@
 
 python -m benchmarks.volumes [PART ...] [--seeds N] [--first-seed N]
 
-Parts: equal, exact, speed, large, left-out, smoothing, error; all of them where none is named. Real sweeps are read
-from ../shared/data; simulated ones are of a field whose grey level is known (`benchmarks.simulators.fields`).
+Parts: equal, exact, speed, live, large, left-out, smoothing, error; all of them where none is named. Real sweeps are
+read from ../shared/data; simulated ones are of a field whose grey level is known (`benchmarks.simulators.fields`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from benchmarks.simulators.fields import grey_at, path, probe_from_image, record
 from benchmarks.volumes_error import error
 from benchmarks.volumes_large import large
 from benchmarks.volumes_left_out import left_out
+from benchmarks.volumes_live import live
 from sonocal import _core
 from sonocal.existing import read_existing
 from sonocal.reconstruction import making, pieces, reconstruct_like_plus
@@ -181,8 +182,8 @@ def smoothing(seeds: range) -> None:
 
 
 PARTS = {
-    "equal": equal, "exact": exact, "speed": speed, "large": large, "left-out": left_out, "smoothing": smoothing,
-    "error": error,
+    "equal": equal, "exact": exact, "speed": speed, "live": live, "large": large, "left-out": left_out,
+    "smoothing": smoothing, "error": error,
 }  # fmt: skip
 
 

@@ -37,6 +37,7 @@ class Crossing:
         options: how values come to voxels.
         mask: (rows, columns): where the images show ultrasound.
         corners_mm: (n, 4, 3), of the rectangle around the mask.
+        spans: of the mask.
     """
 
     placed: Placed
@@ -44,6 +45,7 @@ class Crossing:
     options: Options
     mask: NDArray[np.bool_]
     corners_mm: Array
+    spans: NDArray[np.int32]
 
     @cached_property
     def voxel_from_pixel(self) -> Array:
@@ -69,20 +71,21 @@ class Crossing:
         return joined_images(self.placed, self.corners_mm, self.options.longest_gap_mm)
 
     @cached_property
-    def _spans(self) -> NDArray[np.int32]:
-        return spans_of(self.mask)
-
-    @cached_property
-    def _half_mm(self) -> float:
+    def _half_mm(self) -> Array:
         normal = image_planes(self.placed.reference_from_image)[:, 2, :3]
-        return float(0.5 * (np.abs(normal) * self.grid.spacing_mm).sum(axis=1).max())
+        return np.asarray(0.5 * (np.abs(normal) * self.grid.spacing_mm).sum(axis=1))
 
     @cached_property
-    def _box_px(self) -> tuple[int, int]:
+    def box_px(self) -> tuple[int, int]:
         """Pixels of the image to a voxel, along u and v: over so many speckle is averaged."""
         steps = np.linalg.norm(self.voxel_from_pixel[0, :, :2], axis=0)
         across, down = (max(1, round(1.0 / step)) for step in steps)
         return across, down
+
+    @property
+    def averages(self) -> bool:
+        """Whether speckle is averaged."""
+        return self.options.interpolation == "between" and self.options.speckle == "averaged"
 
     @property
     def overlap(self) -> int:
@@ -113,17 +116,16 @@ class Crossing:
             high=high[part],
             joined=self.joined[start : stop - 1],
             goes_on=stop < len(self.placed) and bool(self.joined[stop - 1]),
-            spans=self._spans,
+            spans=self.spans,
             mask=self.mask.view(np.uint8),
-            half_mm=self._half_mm,
+            half_mm=self._half_mm[part],
             fresh=self.overlap if start else 0,
         )
 
     def pixels(self, start: int, stop: int) -> Iterator[NDArray[Any]]:
         """Images start <= i < stop, averaged where that is wanted."""
-        average = self.options.interpolation == "between" and self.options.speckle == "averaged"
         for image in self.placed.pixels(start, stop):
-            yield averaged_over(image, self._box_px) if average else image
+            yield averaged_over(image, self.box_px) if self.averages else image
 
 
 class Images:
@@ -186,7 +188,7 @@ def crossing(
     placed: Placed, grid: Grid, options: Options, mask: NDArray[np.bool_], corners_mm: Array
 ) -> Crossing:
     """The images of a sweep as they cross a grid."""
-    return Crossing(placed, grid, options, np.ascontiguousarray(mask), corners_mm)
+    return Crossing(placed, grid, options, np.ascontiguousarray(mask), corners_mm, spans_of(mask))
 
 
 def spans_of(mask: NDArray[np.bool_]) -> NDArray[np.int32]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ class Batch:
         goes_on: whether the last image is joined to one after it.
         spans: (k, 3): row, first and last column + 1 of runs of pixels that show ultrasound.
         mask: (rows, columns), not 0 where there is ultrasound.
-        half_mm: half a voxel, along the images' normals.
+        half_mm: (n,): half a voxel, along each image's normal.
         fresh: 1 where the first image was the last of the batch before, else 0.
     """
 
@@ -49,7 +50,7 @@ class Batch:
     goes_on: bool
     spans: NDArray[np.int32]
     mask: NDArray[np.uint8]
-    half_mm: float
+    half_mm: Array
     fresh: int = 0
 
 
@@ -93,6 +94,14 @@ class Piece:
         """The values of the voxels, and how many each was given."""
         raise NotImplementedError
 
+    def layer(self, axis: int, index: int) -> Self:
+        """The piece's voxels of one layer alone: `index` from its lowest voxel along x, y or z (`axis` 0, 1, 2)."""
+        part = copy(self)
+        low, size = list(self.low), list(self.size)
+        low[axis], size[axis] = low[axis] + index, 1
+        part.low, part.size = (low[0], low[1], low[2]), (size[0], size[1], size[2])
+        return part
+
 
 class Nearest(Piece):
     """Each pixel goes to the nearest voxel."""
@@ -118,6 +127,12 @@ class Nearest(Piece):
         """As `Piece.settle`."""
         return _settled(self._cells, self.compounding, PIXEL_PARTS, dtype)
 
+    def layer(self, axis: int, index: int) -> Self:
+        """As `Piece.layer`."""
+        part = super().layer(axis, index)
+        part._cells = _cut(self._cells, axis, index)
+        return part
+
 
 class Linear(Piece):
     """Each pixel goes to the eight voxels around it, by their distances."""
@@ -139,6 +154,12 @@ class Linear(Piece):
         _core.settle_sums(self._sums, values, counts)
         return values, counts
 
+    def layer(self, axis: int, index: int) -> Self:
+        """As `Piece.layer`."""
+        part = super().layer(axis, index)
+        part._sums = _cut(self._sums, axis, index, 3)  # with a layer on either side, as all of it
+        return part
+
 
 class Between(Piece):
     """Voxels between two images, and, where nothing is between, those within half a voxel of one."""
@@ -153,23 +174,26 @@ class Between(Piece):
         given = (batch.images, batch.pixel_from_voxel, batch.joined)
         _core.insert_between(self._cells, self._low, *given, batch.mask, self.compounding)
         # An image that two batches share is looked at with the first of them.
-        joined = batch.joined[batch.fresh :]
-        first = bool(batch.joined[0]) if batch.fresh else False
-        if first and batch.goes_on and joined.all():
-            return
+        before = np.concatenate([[False], batch.joined != 0])
+        after = np.concatenate([batch.joined != 0, [batch.goes_on]])
+        for k in self.crossed_by(batch, 2.0):
+            if not (before[k] and after[k]):
+                self._insert_alone(batch, int(k), bool(before[k]), bool(after[k]))
+
+    def _insert_alone(self, batch: Batch, k: int, before: bool, after: bool) -> None:
         if self._alone is None:
             self._alone = np.zeros(self.shape, dtype=np.uint64)
         _core.insert_alone(
             self._alone,
             self._low,
-            batch.images[batch.fresh :],
-            batch.pixel_from_voxel[batch.fresh :],
-            joined,
+            batch.images[k : k + 1],
+            batch.pixel_from_voxel[k : k + 1],
+            batch.joined[:0],
             batch.mask,
             self.compounding,
-            half_mm=batch.half_mm,
-            first=first,
-            last=batch.goes_on,
+            half_mm=float(batch.half_mm[k]),
+            first=before,
+            last=after,
         )
 
     def settle(self, dtype: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
@@ -180,6 +204,13 @@ class Between(Piece):
             empty = counts == 0
             values[empty], counts[empty] = further[empty], times[empty]
         return values, counts
+
+    def layer(self, axis: int, index: int) -> Self:
+        """As `Piece.layer`."""
+        part = super().layer(axis, index)
+        part._cells = _cut(self._cells, axis, index)
+        part._alone = None if self._alone is None else _cut(self._alone, axis, index)
+        return part
 
 
 KINDS: dict[str, type[Piece]] = {"nearest": Nearest, "linear": Linear, "between": Between}
@@ -204,6 +235,11 @@ def boxes_of(grid: Grid, threads: int) -> Iterator[Box]:
                 low = (x, y, z)
                 i, j, k = (min(s, n - a) for s, n, a in zip(sides, grid.size, low, strict=True))
                 yield low, (i, j, k)
+
+
+def _cut(cells: NDArray[Any], axis: int, index: int, count: int = 1) -> NDArray[Any]:
+    """Layers of an array [z, y, x]."""
+    return np.ascontiguousarray(cells.take(range(index, index + count), axis=2 - axis))
 
 
 def _settled(
