@@ -129,6 +129,8 @@ CODES = {
     "points-far-off": "points are off by far more than is accepted",
     "other-depth-setting": "another scan has other mm/px",
     "calibrations-differ": "two calibrations differ by more than their uncertainty",
+    "calibration-changed": "a short sweep contradicts the calibration",
+    "check-too-weak": "a short sweep cannot tell whether the calibration holds",
     # existing
     "direction-by-scale": "which way a file's matrix goes was told by its scale",
     "transposed-matrix": "a file's matrix is transposed",

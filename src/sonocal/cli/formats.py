@@ -17,6 +17,7 @@ from sonocal.existing.formats import read_existing
 from sonocal.files.elsewhere import (
     NAMES,
     USES,
+    is_checks,
     is_known_points,
     is_observations,
     is_own_page,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from sonocal.simulation.truth_file import KnownTruth
     from sonocal.studies.results_file import StudyResults
     from sonocal.targets import Line, Target, Unplaced
-    from sonocal.validation import PointSightings
+    from sonocal.validation import CheckLog, PointSightings
 
 __all__ = [
     "FORMATS",
@@ -243,6 +244,12 @@ def _truth(path: Path) -> KnownTruth:
     return read_truth(path)
 
 
+def _checks(path: Path) -> CheckLog:
+    from sonocal.validation import read_check_log
+
+    return read_check_log(path)
+
+
 def _page(path: Path) -> Page:
     from sonocal.report.page_file import read_page
 
@@ -301,6 +308,14 @@ OTHER_RECORDS: tuple[Format, ...] = (
         sniff=is_truth,
         read=_truth,
         holds="what `sonocal simulate` made it with",
+    ),
+    Format(
+        name="log of checks",
+        kind="checks",
+        suffixes=(".jsonl",),
+        sniff=is_checks,
+        read=_checks,
+        holds="what `sonocal check` said of a calibration, a line a check",
     ),
     Format(
         name="page of sonocal",

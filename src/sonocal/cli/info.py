@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sonocal.simulation.truth_file import KnownTruth
     from sonocal.studies.results_file import StudyResults
     from sonocal.targets import DeviceSet, Targets, Unplaced
-    from sonocal.validation import PointSightings
+    from sonocal.validation import CheckLog, PointSightings
 
 __all__ = ["info"]
 
@@ -224,6 +224,12 @@ def _truth(_: str, found: KnownTruth) -> Shown:
     return found, lambda: print_truth_file(console(), found)
 
 
+def _checks(_: str, found: CheckLog) -> Shown:
+    from sonocal.cli.screen.check import print_check_log
+
+    return found, lambda: print_check_log(console(), found)
+
+
 def _page(_: str, found: Page) -> Shown:
     from sonocal.cli.screen.records import print_page
 
@@ -250,6 +256,7 @@ def _doubted(doubts: list[Diagnostic], show: Callable[[], None]) -> Callable[[],
 # What shows each kind of file: its name in messages and what its format read.
 _SCREENS: dict[Kind, Callable[[str, Any], Shown]] = {
     "calibration": _calibration,
+    "checks": _checks,
     "device set": _device_set,
     "known points": _known_points,
     "matrix": _matrices,

@@ -11,6 +11,7 @@ import click
 
 from sonocal import __version__
 from sonocal.cli.calibrate import calibrate
+from sonocal.cli.check import check
 from sonocal.cli.convert import convert
 from sonocal.cli.demo import demo
 from sonocal.cli.detection import COMMANDS
@@ -77,6 +78,7 @@ for _command in (
     replay,
     studio,
     validate,
+    check,
     study,
     export,
     reconstruct,

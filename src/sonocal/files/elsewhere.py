@@ -11,6 +11,7 @@ from sonocal.files.kinds import Head, Kind
 __all__ = [
     "NAMES",
     "USES",
+    "is_checks",
     "is_known_points",
     "is_observations",
     "is_own_page",
@@ -22,6 +23,7 @@ __all__ = [
 
 NAMES: dict[Kind, str] = {
     "calibration": "a JSON file",
+    "checks": "a log of checks of a calibration",
     "device set": "a device set of PLUS",
     "known points": "a table of points whose place is known",
     "matrix": "a matrix, such as a calibration of other software",
@@ -35,6 +37,7 @@ NAMES: dict[Kind, str] = {
 }
 USES: dict[Kind, str] = {
     "calibration": "a calibration is read by sonocal.load, and by sonocal info, validate and export",
+    "checks": "give it to sonocal info (in Python: validation.read_check_log)",
     "device set": "give it with --lines (in Python: targets.read_lines)",
     "known points": "give it to sonocal validate (in Python: validation.read_point_sightings)",
     "matrix": "give it to sonocal info, validate or export (in Python: existing.read_existing)",
@@ -68,6 +71,11 @@ def is_known_points(head: Head) -> bool:
 def is_truth(head: Head) -> bool:
     """Whether it is the truth of a simulated sweep."""
     return head.text.startswith(b"{") and b'"sonocal-truth"' in head.text[:200]
+
+
+def is_checks(head: Head) -> bool:
+    """Whether it is a log of checks."""
+    return head.suffix == ".jsonl" and head.text.startswith(b"{") and b'"sonocal-check"' in head.text[:4000]
 
 
 def is_study(head: Head) -> bool:

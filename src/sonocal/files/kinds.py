@@ -23,8 +23,8 @@ from sonocal.files.text import decoded
 __all__ = ["TABLE_SUFFIXES", "Format", "Head", "Kind", "recognise", "refuse_container", "suffixes_of"]
 
 Kind = Literal[
-    "calibration", "device set", "known points", "matrix", "observations", "page", "points", "recording", "study",
-    "targets", "truth"
+    "calibration", "checks", "device set", "known points", "matrix", "observations", "page", "points", "recording",
+    "study", "targets", "truth"
 ]  # fmt: skip
 
 HEAD_BYTES = 4096

@@ -4,6 +4,7 @@ Each figure is drawn on a matplotlib axis that the caller made: ``plot_predicted
 session asks of a calibration itself (``calibration.plot()``) is in `sonocal.report.session`.
 """
 
+from sonocal.report.checks import checks_html, plot_checks
 from sonocal.report.figures import (
     plot_predicted_error,
     plot_residuals_by_frame,
@@ -18,6 +19,8 @@ from sonocal.report.views3d import plot_frames, plot_matrix, plot_needles, plot_
 __all__ = [
     "FrameImage",
     "Report",
+    "checks_html",
+    "plot_checks",
     "plot_frame",
     "plot_frames",
     "plot_matrix",

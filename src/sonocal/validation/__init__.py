@@ -1,5 +1,14 @@
 """How far a calibration is off: each number with its definition, spread and confidence interval."""
 
+from sonocal.validation.check import check_calibration
+from sonocal.validation.check_log import (
+    CheckLog,
+    CheckRecord,
+    append_check,
+    check_log_path,
+    read_check_log,
+)
+from sonocal.validation.check_result import Check
 from sonocal.validation.comparison import Comparison, compare
 from sonocal.validation.crosswire import (
     fit_crosswire,
@@ -17,13 +26,19 @@ from sonocal.validation.whole import Validation, validate, validate_points
 
 __all__ = [
     "CANNOT_SHOW",
+    "Check",
+    "CheckLog",
+    "CheckRecord",
     "Comparison",
     "PointSightings",
     "Quantity",
     "Repeatability",
     "Validation",
     "Verdict",
+    "append_check",
     "cannot_show",
+    "check_calibration",
+    "check_log_path",
     "compare",
     "fit_crosswire",
     "fixed_point_spread",
@@ -34,6 +49,7 @@ __all__ = [
     "nwire_error",
     "nwire_errors",
     "parse_point_sightings",
+    "read_check_log",
     "read_point_sightings",
     "reconstruction_accuracy",
     "repeatability",

@@ -13,7 +13,7 @@ from sonocal.geometry import Array, area_places
 from sonocal.geometry.shown import brief
 from sonocal.registration.uncertainty import point_covariance, point_jacobian, radius_95
 
-__all__ = ["Comparison", "compare"]
+__all__ = ["Comparison", "MotionBetween", "compare", "motion_between"]
 
 
 # Below it no number of a test means anything.
@@ -107,13 +107,13 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
         if c.covariance is not None
     )
     # Each has a tangent of its own: which of the two is asked must not matter.
-    tests = [_hotelling(first, second, difference, places), _hotelling(second, first, difference, places)]
+    ways = [motion_between(first, second), motion_between(second, first)]
     return Comparison(
         places_px=places,
         difference_mm=difference,
         distance_mm=np.linalg.norm(difference, axis=1),
-        allowed_mm=radius_95(np.asarray(covariances), min(freedom for _, freedom in tests)),
-        p_value=max(p_value for p_value, _ in tests),
+        allowed_mm=radius_95(np.asarray(covariances), min(one.freedom for one in ways)),
+        p_value=max(one.p_value for one in ways),
         shared_input=_fitted_to(first) == _fitted_to(second),
     )
 
@@ -123,18 +123,40 @@ def _fitted_to(calibration: Calibration) -> tuple[object, ...]:
     return (calibration.provenance.get("sha256"), options.fit_split, options.test_split, calibration.fit)
 
 
-def _hotelling(
-    first: Calibration, second: Calibration, difference: Array, places: Array
-) -> tuple[float, float]:
-    """The p-value of the places' differences at once, as one motion of the first, and the freedom behind it."""
-    from scipy.special import fdtrc
+@dataclass(frozen=True, eq=False)
+class MotionBetween:
+    """What carries one calibration to another, as a motion of the first.
 
+    Attributes:
+        tangent: (k,): rotation vector (rad), translation (mm), log scale.
+        covariance: (k, k): of it, where the two are sound and of one truth.
+        freedom: residuals to spare that the covariance rests on.
+    """
+
+    tangent: Array
+    covariance: Array
+    freedom: float
+
+    __repr__ = brief
+
+    @property
+    def p_value(self) -> float:
+        """How often two sound calibrations of one truth would differ by as much, in all numbers at once."""
+        from scipy.special import fdtrc
+
+        count = len(self.tangent)
+        statistic = float(self.tangent @ np.linalg.solve(self.covariance, self.tangent)) / count
+        return float(fdtrc(count, self.freedom, statistic))
+
+
+def motion_between(first: Calibration, second: Calibration) -> MotionBetween:
+    """The motion of the first calibration that comes nearest to the second; both have a covariance."""
+    places = area_places(first.area_px)
+    difference = second.probe_from_image @ places - first.probe_from_image @ places
     parts = _covariances(first, second, places)
     freedom = _freedom(parts, (first.noise.freedom, second.noise.freedom))
-    parameters = len(parts[0])
-    way = _tangent(first, places, parameters) @ difference.reshape(-1)
-    statistic = float(way @ np.linalg.solve(parts[0] + parts[1], way)) / parameters
-    return float(fdtrc(parameters, freedom, statistic)), freedom
+    way = _tangent(first, places, len(parts[0])) @ difference.reshape(-1)
+    return MotionBetween(way, parts[0] + parts[1], freedom)
 
 
 def _tangent(calibration: Calibration, places: Array, parameters: int) -> Array:
