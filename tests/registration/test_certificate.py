@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from benchmarks import certificate as certificate_scenes
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -14,6 +15,7 @@ from sonocal import _core
 from sonocal.calibration import load_calibration
 from sonocal.registration import constraints as kinds
 from sonocal.registration import register
+from sonocal.registration.best_fit import best_fit
 from sonocal.registration.certificate import certificate_of
 from sonocal.registration.options import Options
 from sonocal.registration.refine import refine_point_lines
@@ -273,3 +275,12 @@ def test_the_likelihood_without_levels_has_no_weights():
     fit = answers_of(rows, Options(weighting="geometric"))[0]
     with pytest.raises(ValueError, match="noise level"):
         _core.certificate(rows.core, fit.inlier, to_core(fit.transform), rows.core_options(Options()))
+
+
+def test_few_needles_whose_best_sample_shrinks_the_image_to_nothing_are_fitted_all_the_same():
+    scene = certificate_scenes.scene(np.random.default_rng([237, 4, 3]), 4, 5.0, 3)
+    asked = Options.of(weighting="geometric", threshold_mm=np.inf)
+    fit, _ = best_fit(scene, asked)
+    assert fit.converged
+    assert fit.squares_mm2 <= answers_of(scene, asked)[0].squares_mm2 * (1 + 1e-6)
+    assert certificate_of(scene, fit) == "optimal"

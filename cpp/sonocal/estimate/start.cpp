@@ -193,7 +193,8 @@ std::vector<Transform> other_answers(const PointLines& rows, Sampler& sampler, c
     const bool known = std::any_of(found.begin(), found.end(), [&](const Transform& other) {
       return (refined.transform.rotation - other.rotation).norm() < kSameRotation;
     });
-    if (refined.converged && !known && !ran_away(refined.transform, answer))
+    // Beside its own start, not the answer, which may itself have shrunk to nothing.
+    if (refined.converged && !known && !ran_away(refined.transform, start))
       found.push_back(refined.transform);
   }
   found.erase(found.begin());
@@ -201,18 +202,19 @@ std::vector<Transform> other_answers(const PointLines& rows, Sampler& sampler, c
 }
 
 // The best of what few rows are fitted by, where the answer is not shown to be: refinement ends at the
-// nearest.
+// nearest. All others came to rest.
 template <class Sampler>
-Transform best_of_few(const PointLines& rows, Sampler& sampler, const Transform& answer, double limit,
-                      sonocal::Model model) {
+void take_best_of_few(const PointLines& rows, Sampler& sampler, sonocal::Model model, Start& answer) {
   Column squares;
-  rows.squared_distances(answer, squares);
-  const NormalEquations cost = rows.geometric_cost(squares, limit);
-  if (certificate(cost, answer, model) == Certificate::kOptimal) return answer;
-  Transform best = answer;
-  for (const Transform& other : other_answers(rows, sampler, answer, limit, model))
-    if (cost.cost(other) < cost.cost(best)) best = other;
-  return best;
+  rows.squared_distances(answer.transform, squares);
+  const NormalEquations cost = rows.geometric_cost(squares, answer.limit);
+  if (certificate(cost, answer.transform, model) == Certificate::kOptimal) return;
+  const auto others = other_answers(rows, sampler, answer.transform, answer.limit, model);
+  for (const Transform& other : others) {
+    if (!(cost.cost(other) < cost.cost(answer.transform))) continue;
+    answer.transform = other;
+    answer.converged = true;
+  }
 }
 
 template <class Sampler>
@@ -242,7 +244,7 @@ Start consensus_with(const PointLines& rows, Sampler sampler, const Options& opt
   if (few && options.weighting == Weighting::kLikelihood)
     start.others = other_answers(rows, sampler, start.transform, start.limit, options.model);
   else if (few)
-    start.transform = best_of_few(rows, sampler, start.transform, start.limit, options.model);
+    take_best_of_few(rows, sampler, options.model, start);
   return start;
 }
 
