@@ -11,6 +11,7 @@ from sonocal.cli.existing import choice_of, of_other_software, refuse_choice
 from sonocal.cli.help import command
 from sonocal.cli.options import FILE, WRITTEN, console
 from sonocal.cli.outputs import OVERWRITE, reserve
+from sonocal.cli.push import PUSH, PUSHED, SAVE_AS, YES, push_calibration
 from sonocal.cli.screen.plain import say
 from sonocal.cli.sound import AS_SCANNED, as_scanned
 from sonocal.errors import InputError
@@ -29,6 +30,7 @@ __all__ = ["export"]
     groups={
         "What is read": ("transform", "stored_as"),
         "What is written": ("form", "output", "into", "image", "probe", "scanned", "force", "overwrite"),
+        "Into a running program": ("push", "save_as", "yes"),
     },
     examples=(
         "sonocal export calibration.json --to plus -o plus.xml",
@@ -42,10 +44,9 @@ __all__ = ["export"]
     "--to",
     "form",
     type=click.Choice(["plus", "itk", "slicer", "json"]),
-    required=True,
-    help="The software to export for.",
+    help="The software to export for; with --push plus unless told.",
 )
-@click.option("-o", "--output", type=WRITTEN, required=True, help="File to write.")
+@click.option("-o", "--output", type=WRITTEN, help="File to write.")
 @click.option("--into", type=FILE, help="plus: a device set (XML) to put the matrix into; the rest stays.")
 @click.option(
     "--image", default="Image", show_default=True, help="plus: what the device set calls the image's frame."
@@ -57,15 +58,21 @@ __all__ = ["export"]
 @of_other_software
 @click.option("--force", is_flag=True, help="Export what the verdict says not to use, too.")
 @OVERWRITE
+@PUSH
+@SAVE_AS
+@YES
 def export(
     calibration: Path,
-    form: str,
-    output: Path,
+    form: str | None,
+    output: Path | None,
     into: Path | None,
     *,
     scanned: bool,
     force: bool,
     overwrite: bool,
+    push: str | None,
+    save_as: str | None,
+    yes: bool,
     **options: Any,
 ) -> None:
     """Write a calibration for other software: calibration.json, or a matrix of one program for another.
@@ -76,28 +83,64 @@ def export(
     itk     an affine transform, .tfm or .h5, that maps pixels to mm as we do
     slicer  the same for 3D Slicer: in LPS, and the inverse, as its files are
     json    the calibration file, brought up to date
+
+    With --push the calibration goes into a running PlusServer, which then saves its configuration, or as a transform
+    into 3D Slicer; what changes is shown and asked about first.
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.formats import calibration_in
     from sonocal.export.content import which_images
     from sonocal.files import write_atomically
 
-    if form != "plus" and into is not None:
-        raise click.UsageError("--into is for --to plus")
-    if form == "json" and scanned:
-        raise click.UsageError("--as-scanned is for other software; calibration.json holds both maps")
+    form = _asked(form, output, into, push, save_as, yes=yes, scanned=scanned)
     loaded = calibration_in(calibration, choice_of(options))
-    reserve(output)
+    if output is not None:
+        reserve(output)
     refuse_choice(loaded)
     remark = _remark(calibration, loaded, force=force)
     if scanned:
         loaded = as_scanned(loaded, calibration)
-    content = _content(loaded, form, output, into, (options["image"], options["probe"]))
-    reserve(output)
-    write_atomically(output, content)
+    frames = options["image"], options["probe"]
+    content = None if output is None else _content(loaded, form, output, into, frames)
     console().print(remark)
     if images := which_images(loaded):
         say(images)
-    say(f"Wrote {output}")
+    if output is not None and content is not None:
+        reserve(output)
+        write_atomically(output, content)
+        say(f"Wrote {output}")
+    if push is not None:
+        push_calibration(loaded, push, form, frames, yes=yes, save_as=save_as)
+
+
+def _asked(
+    form: str | None,
+    output: Path | None,
+    into: Path | None,
+    push: str | None,
+    save_as: str | None,
+    *,
+    yes: bool,
+    scanned: bool,
+) -> str:
+    """The software to export for, once the options go together."""
+    if output is None and push is None:
+        raise click.UsageError("Missing option '-o' / '--output', or --push HOST:PORT")
+    if form is None and push is None:
+        raise click.UsageError("Missing option '--to'. Choose from: plus, itk, slicer, json")
+    if push is None and (yes or save_as is not None):
+        raise click.UsageError("--yes and --save-as are for --push")
+    form = form or "plus"
+    if push is not None and form not in PUSHED:
+        raise click.UsageError(f"--push goes into PLUS or 3D Slicer: --to {' or '.join(PUSHED)}")
+    if save_as is not None and form != "plus":
+        raise click.UsageError("--save-as is for --to plus")
+    if form != "plus" and into is not None:
+        raise click.UsageError("--into is for --to plus")
+    if into is not None and output is None:
+        raise click.UsageError("--into needs a file to write, -o")
+    if form == "json" and scanned:
+        raise click.UsageError("--as-scanned is for other software; calibration.json holds both maps")
+    return form
 
 
 def _remark(path: Path, found: Calibration | Existing, *, force: bool) -> RenderableType:

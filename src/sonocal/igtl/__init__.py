@@ -5,6 +5,7 @@ from sonocal.igtl.control import Other, Query, Reply, Start
 from sonocal.igtl.header import HEADER_BYTES, MOST_BODY, Header, read_header
 from sonocal.igtl.image import Image
 from sonocal.igtl.message import Message, decode, decode_body, encode, stamp_of
+from sonocal.igtl.plus import HeldTransform, PlusServer
 from sonocal.igtl.poses import Position, QuaternionTool, QuaternionTools, Tool, Tools, Transform
 from sonocal.igtl.server import Arrival, Server
 from sonocal.igtl.words import Capability, Command, CommandReply, Status, Text
@@ -18,9 +19,11 @@ __all__ = [
     "Command",
     "CommandReply",
     "Header",
+    "HeldTransform",
     "Image",
     "Message",
     "Other",
+    "PlusServer",
     "Position",
     "QuaternionTool",
     "QuaternionTools",
