@@ -161,6 +161,14 @@ def test_the_command_writes_what_the_function_makes(tmp_path, monkeypatch):
     plain = run("reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "plain.mha", "--no-report")
     assert plain.exit_code == 0, plain.output
     assert not (tmp_path / "plain.html").exists()
+    both = run(
+        "reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "v.mha", "--threads", "2", "--workers", "2"
+    )
+    assert both.exit_code == 2
+    assert "give --threads or --workers, not both" in both.output
+    nobody = run("reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "v.mha", "--scheduler", "no://where")
+    assert nobody.exit_code == 1
+    assert "no Dask scheduler answers there" in nobody.output
     again = run("reconstruct", "sweep.igs.mha", "matrix.txt", "-o", "volume.mha")
     assert again.exit_code == 1
     assert "is there already" in again.output

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -27,21 +27,19 @@ from sonocal.cli.options import (
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say, say_json
-from sonocal.errors import InputError
-
-if TYPE_CHECKING:
-    from sonocal.reconstruction import Volume
-    from sonocal.recording import Recording
-
-__all__ = ["reconstruct"]
-
-OWN = (
-    *("spacing_mm", "bounds_mm", "reference", "interpolation", "compounding", "speckle", "longest_gap_mm"),
-    *("noise_mm", "noise_deg", "smooth", "coverage", "error", "axes", "threads"),
+from sonocal.cli.volume_made import (
+    OWN,
+    SHOWN,
+    as_plus,
+    own_volume,
+    refuse_lag,
+    refuse_name,
+    volume_record,
+    volume_sentence,
+    workers_of,
 )
 
-SHOWN = tuple(name for name in OWN if name not in ("coverage", "error", "axes", "threads"))
-"""Of the options, those that change the voxels: the page tells them."""
+__all__ = ["reconstruct"]
 
 
 class _Numbers(click.ParamType[tuple[float, ...]]):
@@ -81,8 +79,9 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
         ),
         "Where the voxels lie": ("spacing_mm", "bounds_mm", "reference"),
         "How images come to voxels": (
-            *("interpolation", "compounding", "speckle", "longest_gap_mm", "mask", "like_plus", "threads"),
+            *("interpolation", "compounding", "speckle", "longest_gap_mm", "mask", "like_plus"),
         ),
+        "Who computes it": ("threads", "workers", "scheduler"),
         "What is known of the tracker": ("noise_mm", "noise_deg", "smooth"),
         "What is written and shown": (
             *("output", "coverage", "error", "axes", "report", "overwrite", "as_json"),
@@ -146,6 +145,8 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
 @click.option(
     "--threads", type=click.IntRange(1, 64), default=1, show_default=True, help="That share the work."
 )
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Dask worker processes, instead.")
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="An existing Dask cluster, instead.")
 @click.option(
     "--coverage", is_flag=True, help="Write how many values each voxel was given, too: VOLUME-coverage."
 )
@@ -186,6 +187,8 @@ def reconstruct(
     *,
     like_plus: Path | None,
     mask: Path | None,
+    workers: int | None,
+    scheduler: str | None,
     report: bool,
     overwrite: bool,
     as_json: bool,
@@ -200,98 +203,32 @@ def reconstruct(
     from sonocal.cli.volume_report import page_beside, write_volume_page
     from sonocal.reconstruction.store import beside_volume
 
-    if like_plus is not None and (wrong := typed((*OWN[:-2], "threads", "mask"))):
+    if like_plus is not None and (wrong := typed((*OWN[:-2], "threads", "workers", "scheduler", "mask"))):
         raise click.UsageError(f"{wrong[0]} is not for --like-plus, whose device set says all of it")
+    if len(given := typed(("threads", "workers", "scheduler"))) > 1:
+        raise click.UsageError(f"give {given[0]} or {given[1]}, not both")
     channels = {"coverage": "coverage", "error": "error-um"}
     written = [output, *(beside_volume(output, name) for option, name in channels.items() if options[option])]
-    _refuse_name(output)
+    refuse_name(output)
     pages = [page_beside(output)] if report else []
     reserve(*written, *pages)
     loaded = calibration_in(calibration, choice_of(options))
     refuse_choice(loaded)
-    _refuse_lag(loaded, calibration, options["latency_s"])
+    refuse_lag(loaded, calibration, options["latency_s"])
     sweep = read_given(recording, options)
     reserve(*written, *pages, read=sweep.provenance.paths)
     with progress("making the volume") as told:
         if like_plus is not None:
-            volume = _as_plus(sweep, loaded, like_plus, output, options | {"progress": told})
+            volume = as_plus(sweep, loaded, like_plus, output, options | {"progress": told})
         else:
-            volume = _own(sweep, loaded, mask, output, options | {"progress": told})
+            with workers_of(workers, scheduler) as who:
+                volume = own_volume(sweep, loaded, mask, output, options | {"progress": told, "workers": who})
     if report:
         sources = {"recording": recording, "calibration": calibration, "as PLUS by": like_plus, "mask": mask}
         chosen = {} if like_plus else {name: options[name] for name in SHOWN}
         written += write_volume_page(volume, output, options["axes"], sources | chosen)
     if as_json:
-        say_json(_record(volume, output))
+        say_json(volume_record(volume, output))
         return
-    say(_sentence(volume))
+    say(volume_sentence(volume))
     say(f"Wrote {' and '.join(map(str, written))}")
-
-
-def _own(sweep: Recording, loaded: Any, mask: Path | None, output: Path, options: dict[str, Any]) -> Volume:
-    import numpy as np
-
-    from sonocal.detection import read_mask
-    from sonocal.reconstruction import reconstruct as make
-
-    chosen = {name: options[name] for name in (*OWN, "probe", "on_invalid", "progress")}
-    chosen["spacing_mm"] = np.squeeze(options["spacing_mm"])
-    if options["bounds_mm"] is not None:
-        chosen["bounds_mm"] = np.reshape(options["bounds_mm"], (2, 3))
-    drawn = None if mask is None else read_mask(mask, sweep.frames.shape[:2])
-    return make(sweep, loaded, output, mask=drawn, **chosen)
-
-
-def _as_plus(
-    sweep: Recording, loaded: Any, device_set: Path, output: Path, options: dict[str, Any]
-) -> Volume:
-    from sonocal.reconstruction import reconstruct_like_plus, write_array
-
-    told = {name: options[name] for name in ("probe", "on_invalid", "progress")}
-    volume = reconstruct_like_plus(sweep, loaded, device_set, **told)
-    write_array(output, volume.values, volume.grid, volume.reference, options["axes"])
-    return volume
-
-
-def _refuse_name(output: Path) -> None:
-    from sonocal.reconstruction.files import SUFFIXES
-
-    if output.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"{output}: volumes are written as {' or '.join(SUFFIXES)}; choose one of these names"
-        )
-
-
-def _refuse_lag(loaded: Any, path: Path, latency_s: float) -> None:
-    """A calibration that undid a lag is for poses from which it is undone."""
-    from sonocal.calibration import Calibration
-
-    known = loaded.latency_s if isinstance(loaded, Calibration) else None
-    if known and not latency_s and not typed(("latency_s",)):
-        raise InputError(
-            f"{path}: undid a lag of {known:.3f} s between tracker and images; say what this recording has, --latency "
-            f"{known:.4g} where it is of the same set-up, or --latency 0"
-        )
-
-
-def _sentence(volume: Volume) -> str:
-    size = " x ".join(map(str, volume.grid.size))
-    spacing = " x ".join(f"{s:g}" for s in volume.grid.spacing_mm)
-    left = f", {volume.left_out} without a valid pose left out" if volume.left_out else ""
-    return (
-        f"{volume.images} images{left}: {size} voxels of {spacing} mm in {volume.reference}, "
-        f"{volume.filled_share:.0%} of them filled"
-    )
-
-
-def _record(volume: Volume, output: Path) -> dict[str, Any]:
-    return {
-        "volume": str(output),
-        "size": volume.grid.size,
-        "spacing_mm": volume.grid.spacing_mm,
-        "origin_mm": volume.grid.origin_mm,
-        "reference": volume.reference,
-        "images": volume.images,
-        "left_out": volume.left_out,
-        "filled_share": volume.filled_share,
-    }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -23,6 +24,7 @@ from sonocal.reconstruction.grid import Grid, given_spacing, grid_around, grid_w
 from sonocal.reconstruction.options import Options, options_of
 from sonocal.reconstruction.pieces import BYTES_A_VOXEL, SIDE, Batch, Piece, boxes_of, new_piece
 from sonocal.reconstruction.placed import Placed, image_matrix, place
+from sonocal.reconstruction.spread import Workforce, crosses, fill_by
 from sonocal.reconstruction.store import Store, beside_volume, in_file, in_memory
 from sonocal.reconstruction.sureness import Repeated, error_image_um, refuse_unknown_error
 from sonocal.reconstruction.volume import Volume
@@ -40,6 +42,7 @@ def reconstruct(
     calibration: Calibration | Existing | ArrayLike,
     path: str | Path | None = None,
     *,
+    workers: Workforce | None = None,
     progress: Report | None = None,
     **options: Any,
 ) -> Volume:
@@ -49,6 +52,8 @@ def reconstruct(
         recording: the images of a 2D probe, and its poses.
         calibration: ours, a matrix of other software, or (4, 4) mm in the probe marker's frame from px.
         path: ``.mha`` or ``.nrrd``: the volume is written there brick by brick, and never whole in memory.
+        workers: who fills the bricks, such as those of `sonocal.studies.cluster.local(4)`; None: this process. The
+            volume is the same. They must see the folder of `path`, where decoded images wait for them.
         progress: told of steps done and of all steps.
         **options: those of `Options`, such as ``spacing_mm=0.3``.
 
@@ -67,13 +72,17 @@ def reconstruct(
     placed = place(recording, matrix, settings)
     images = _crossing(placed, settings)
     report = progress or (lambda done, total: None)
+    fill = partial(_fill, report=report)
+    if workers is not None:
+        folder = Path(tempfile.gettempdir()) if path is None else Path(path).absolute().parent
+        fill = partial(fill_by, workers, folder=folder, report=report)
     with ExitStack() as stack:
         into = stack.enter_context(_store(path)(images.grid, placed, settings))
-        filled = _fill(images, into, report)
+        filled = fill(images, into)
         errors = None
         if settings.error:
             errors = stack.enter_context(_store(path, "error-um")(*_error_channel(images)))
-            _fill(_of_errors(images, error_image_um(calibration, placed, settings)), errors, report)
+            fill(_of_errors(images, error_image_um(calibration, placed, settings)), errors)
     volume: Volume = into.volume(len(placed), len(recording) - len(placed), filled)
     return volume if errors is None else replace(volume, error_um=errors.read()[0])
 
@@ -149,7 +158,7 @@ def _fill(images: Crossing, into: Store, report: Report) -> int:
             for number, group in enumerate(groups):
                 pieces = [new_piece(box, images.options) for box in group]
                 for k, (start, stop) in enumerate(ranges):
-                    if number == 0 or _crosses(images, group, start, stop):
+                    if number == 0 or crosses(images, group, start, stop):
                         batch = images.batch(start, stop, kept.read(start, stop))
                         _all(pool, partial(_insert, batch), pieces)
                     report(number * len(ranges) + k + 1, steps)
@@ -172,12 +181,3 @@ def _settle(into: Store, piece: Piece) -> int:
     values, counts = piece.settle(into.values.dtype)
     into.put(piece.place, values, counts)
     return int(np.count_nonzero(counts))
-
-
-def _crosses(images: Crossing, group: list[Any], start: int, stop: int) -> bool:
-    """Whether one of some images may reach a voxel of some boxes."""
-    low = np.array([box[0] for box in group]).min(axis=0) - 2.0
-    high = np.array([np.add(*box) for box in group]).max(axis=0) + 2.0
-    # Between two images lies no more than the box around both.
-    lows, highs = (corner[start:stop] for corner in images.boxes)
-    return bool((highs.max(axis=0) >= low).all() and (lows.min(axis=0) <= high).all())

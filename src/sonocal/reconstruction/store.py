@@ -42,7 +42,7 @@ class Store:
         self.read: Callable[[], tuple[NDArray[Any], NDArray[np.uint16] | None]] = lambda: (values, coverage)
         self.written: Callable[[], None] = lambda: None
 
-    def put(self, place: Place, values: NDArray[Any], counts: NDArray[np.uint32]) -> None:
+    def put(self, place: Place, values: NDArray[Any], counts: NDArray[Any]) -> None:
         """Put a piece where it belongs."""
         self.values[place] = values
         if self.coverage is not None:

@@ -16,11 +16,16 @@ __all__ = ["existing", "local"]
 CONNECT_SECONDS = 20
 # A task is done again when its worker dies; only one that has taken so many workers with it is given up.
 ALLOWED_DEATHS = 10
+KEPT = "results so far are kept"
 
 
 @contextmanager
-def local(count: int) -> Iterator[Workers]:
+def local(count: int, *, kept: str = KEPT) -> Iterator[Workers]:
     """Worker processes on this machine, replaced when they die.
+
+    Args:
+        count: how many.
+        kept: what is said of the work done when they go away.
 
     Raises:
         UnsupportedError: Dask is not installed.
@@ -38,17 +43,18 @@ def local(count: int) -> Iterator[Workers]:
             host="127.0.0.1",
         ) as cluster,
         distributed.Client(cluster) as client,
-        _ends_in_words("the local cluster"),
+        _ends_in_words("the local cluster", kept),
     ):
         yield _workers(client)
 
 
 @contextmanager
-def existing(address: str) -> Iterator[Workers]:
+def existing(address: str, *, kept: str = KEPT) -> Iterator[Workers]:
     """The workers of a running scheduler; those that join later take part, too.
 
     Args:
         address: such as tcp://host:8786.
+        kept: what is said of the work done when it goes away.
 
     Raises:
         UnsupportedError: Dask is not installed, or the workers have no sonocal or another version of it.
@@ -62,7 +68,7 @@ def existing(address: str) -> Iterator[Workers]:
             f"{address}: no Dask scheduler answers there ({type(error).__name__}); start one with 'dask scheduler' and "
             "workers with 'dask worker ADDRESS --nthreads 1', and give the address that it prints"
         ) from None
-    with client, _ends_in_words(address):
+    with client, _ends_in_words(address, kept):
         try:
             client.wait_for_workers(1, timeout=CONNECT_SECONDS)
         except TimeoutError:
@@ -74,7 +80,7 @@ def existing(address: str) -> Iterator[Workers]:
 
 
 @contextmanager
-def _ends_in_words(where: str) -> Iterator[None]:
+def _ends_in_words(where: str, kept: str) -> Iterator[None]:
     """A cluster that goes away is no bug of ours."""
     from distributed import KilledWorker
     from distributed.comm.core import CommClosedError
@@ -83,12 +89,12 @@ def _ends_in_words(where: str) -> Iterator[None]:
         yield
     except (CommClosedError, CancelledError):
         raise InputError(
-            f"{where}: the scheduler has gone; results so far are kept: start it again, and give the same command"
+            f"{where}: the scheduler has gone; {kept}: start it again, and give the same command"
         ) from None
     except KilledWorker as error:
         raise InputError(
             f"{where}: one task has taken several workers with it, the last being {error.last_worker.address}; look at "
-            "that machine's memory and log; results so far are kept"
+            f"that machine's memory and log; {kept}"
         ) from None
 
 
