@@ -43,6 +43,8 @@ CASES = (
     Case("thread", "line", 0.5),
     Case("thread, 1 spot", "line", 1.0),
     Case("thread, 2 spots", "line", 2.0),
+    Case("crossing", "point", 0.5),
+    Case("floor", "plane", 0.5),
 )
 
 
@@ -87,15 +89,19 @@ def table(seeds: range, only: Sequence[str]) -> Iterator[str]:
     for case in CASES:
         if only and case.name not in only:
             continue
-        all_of = [trial(case, seed) for seed in seeds]
-        there = [one for one in all_of if np.isfinite(one.error_mm)]
-        errors = np.array([one.error_mm for one in there] or [np.nan])
-        yield (
-            f"| {case.name.partition(',')[0]} | {case.spots:g} | {np.sqrt(np.mean(errors**2)):.2f} mm "
-            f"| {errors.max():.2f} mm | {np.count_nonzero(errors <= ASKED_MM)} of {len(all_of)} "
-            f"| {sum(one.bounded for one in there)} of {len(there)} | {len(all_of) - len(there)} "
-            f"| {np.median([one.seconds for one in all_of]):.1f} s |"
-        )
+        yield row_of(case, [trial(case, seed) for seed in seeds])
+
+
+def row_of(case: Case, all_of: Sequence[Trial]) -> str:
+    """A line of the table."""
+    there = [one for one in all_of if np.isfinite(one.error_mm)]
+    errors = np.array([one.error_mm for one in there] or [np.nan])
+    return (
+        f"| {case.name.partition(',')[0]} | {case.spots:g} | {np.sqrt(np.mean(errors**2)):.2f} mm "
+        f"| {errors.max():.2f} mm | {np.count_nonzero(errors <= ASKED_MM)} of {len(all_of)} "
+        f"| {sum(one.bounded for one in there)} of {len(there)} | {len(all_of) - len(there)} "
+        f"| {np.median([one.seconds for one in all_of]):.1f} s |"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

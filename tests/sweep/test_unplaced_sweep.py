@@ -74,13 +74,10 @@ def test_a_lag_is_found_from_points_too():
 
 def test_what_cannot_be_is_refused_before_an_image_is_decoded(sweep):
     for lines, kind, said in [
-        (
-            [Unplaced("plane", "floor", "Tracker")],
-            sc.UnsupportedError,
-            "in images lines alone are looked for",
-        ),
-        ([*NEEDLE, sweep.lines[0]], sc.UnsupportedError, "cannot be told apart"),
+        ([*NEEDLE, sweep.lines[0]], sc.InputError, "two targets are called 'needle'"),
         ([Unplaced("line", "thread", "Phantom")], sc.InputError, "Phantom"),
+        ([*NEEDLE, Unplaced("plane", "floor", "Phantom")], sc.InputError, "Phantom"),
+        ([*NEEDLE, "needle"], sc.InputError, "must be points, lines and planes; got 'needle'"),
     ]:
         with pytest.raises(kind, match=said):
             sc.calibrate_recording(sweep.recording, lines)

@@ -58,14 +58,13 @@ class Given(NamedTuple):
 
     Attributes:
         recording: images and poses.
-        targets: what is scanned, and what of it is looked for in images.
+        targets: what is scanned.
         fixed: constant transforms beside the recording's.
         fitting, looking: options of `calibrate_points` and of `calibrate_recording`.
     """
 
     recording: Recording
     targets: Sequence[Target | Unplaced]
-    sought: Sequence[Target | Unplaced]
     fixed: Mapping[tuple[str, str], Any]
     fitting: dict[str, Any]
     looking: dict[str, Any]
@@ -74,7 +73,7 @@ class Given(NamedTuple):
 def given_recording(source: Path, lines: Path, recorded: dict[str, Any], options: dict[str, Any]) -> Given:
     """Read a recording and its targets. The arguments are as of `from_recording`."""
     from sonocal.cli.formats import targets_in
-    from sonocal.targets import Line, Unplaced
+    from sonocal.targets import Line
 
     recording = read_given(source, recorded)
     known, fixed = targets_in(lines)
@@ -84,9 +83,7 @@ def given_recording(source: Path, lines: Path, recorded: dict[str, Any], options
     how = options | {"fixed": fixed} | {name: recorded[name] for name in ("probe", "on_invalid")}
     by_data = {name: value for name, value in how.items() if name not in BY_DATA} | given(BY_DATA, options)
     looking = by_data if recorded["points"] is not None else by_data | looking_for(recording, recorded)
-    unplaced = [one for one in known if isinstance(one, Unplaced)]
-    sought: Sequence[Target | Unplaced] = [*needles, *unplaced] if unplaced else known
-    return Given(recording, known, sought, fixed, how, looking)
+    return Given(recording, known, fixed, how, looking)
 
 
 def from_recording(
@@ -114,7 +111,7 @@ def from_recording(
     from sonocal.recording import with_latency
     from sonocal.sweep import Posing
     from sonocal.sweep.lagged import with_line_velocities
-    from sonocal.sweep.placed import line_at
+    from sonocal.sweep.own_places import target_at
     from sonocal.targets import Line, Unplaced
 
     read = given_recording(source, lines, recorded, options)
@@ -122,13 +119,14 @@ def from_recording(
     if recorded["points"] is not None:
         result = _from_points(recording, read.targets, recorded["points"], read.fitting)
     else:
-        result = _from_images(recording, read.sought, output, read.looking, start, seen=seen)
+        result = _from_images(recording, read.targets, output, read.looking, start, seen=seen)
     if recording.latency_s != (result.calibration.latency_s or 0.0):  # estimated
         recording = with_latency(recording, result.calibration.latency_s or 0.0)
     posing = Posing(recorded["probe"], read.fixed, recorded["on_invalid"])
-    needles = [one for one in read.targets if isinstance(one, Line)]
-    unplaced = [one for one in read.targets if isinstance(one, Unplaced)]
-    needles += [line_at(one, result.calibration) for one in unplaced if one.kind == "line"]
+    places = result.calibration.targets
+    seen_or_known = [one for one in read.targets if one.name in places or not isinstance(one, Unplaced)]
+    there = [target_at(one, result.calibration) for one in seen_or_known]
+    needles = [one for one in there if isinstance(one, Line)]
     rows = (
         with_line_velocities(result.rows, recording, needles, posing)
         if result.rows.lines_only

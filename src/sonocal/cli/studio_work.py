@@ -75,7 +75,6 @@ class Openings:
             looking=read.looking,
             fitting=read.fitting,
             files=files,
-            sought=read.sought,
         )
 
     def _bare(self, source: Path) -> Work:

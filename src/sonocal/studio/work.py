@@ -100,7 +100,6 @@ class RecordingWork:
         looking: Mapping[str, Any],
         fitting: Mapping[str, Any],
         files: Files,
-        sought: Sequence[Target | Unplaced] | None = None,
     ) -> None:
         """Put a recording on the desk.
 
@@ -111,7 +110,6 @@ class RecordingWork:
             looking: options of `sonocal.calibrate_recording`.
             fitting: options of `sonocal.calibrate_points`.
             files: makes what is exported.
-            sought: what is looked for in the images; default: all targets.
 
         Raises:
             InputError: as `sonocal.sweep.sweep_of`, without decoding an image.
@@ -120,7 +118,7 @@ class RecordingWork:
         self.name, self.recording, self.inputs = recording.name, recording, inputs
         self.targets = tuple(one.name for one in targets)
         self._targets, self._fitting, self._files = targets, fitting, files
-        self._sweep = sweep_of(recording, targets if sought is None else sought, **looking)
+        self._sweep = sweep_of(recording, targets, **looking)
         self._seen: Any = None
         self._first: Solved | None = None
         self.of_images: tuple[Diagnostic, ...] = ()

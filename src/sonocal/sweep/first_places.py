@@ -1,36 +1,27 @@
-"""A first calibration and a first place of a line, by the best-ranked candidates, and whether chance gave them."""
+"""Where targets are that nobody placed, by the best candidates: of one with a calibration, then of the others."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sonocal.calibration import Calibration, calibrate
 from sonocal.detection import Detections
 from sonocal.errors import DegenerateGeometryError, NoConsensusError, SonocalError
+from sonocal.geometry import AxisScaled
 from sonocal.geometry.shown import brief
-from sonocal.observations import Observations
-from sonocal.observations.poses import carried, poses_of
 from sonocal.recording import Recording, with_latency
-from sonocal.sweep.agreeing import CLUTTER_FRAMES
-from sonocal.sweep.options import PointsOptions, of_calibrate
-from sonocal.sweep.placed import line_at, placed_rows, threshold_of
-from sonocal.targets import Line, Unplaced
+from sonocal.sweep.first_place import FirstPlace, first_place
+from sonocal.sweep.further_places import Seen, further_place
+from sonocal.sweep.options import PointsOptions
+from sonocal.sweep.own_places import placed_at, target_at, threshold_of
+from sonocal.targets import Target, Unplaced
+from sonocal.targets.unplaced import kind_of
 
-__all__ = ["FirstPlaces", "at_latency", "first_places"]
-
-# Candidates of an image that take part in the first calibration.
-RANKS = (1, 2)
-CLOSE_MM = 2.0
-"""Candidates nearer than this agree by chance far less often, if noise lets them be so near."""
-LEAST_SHARE, LEAST_ROWS = 0.15, 20
-"""Of the images, that must agree on a calibration and a place at once: in fewer chance may."""
-FREE_ROWS = 7
-"""A calibration and a place can be led through the points of any so many images."""
-TWICE, MOST_SPREAD = 2.0, 0.6
-"""Root mean square over the threshold: of points that are anywhere 0.7."""
+__all__ = ["FirstPlaces", "first_places", "of_its_kind"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,108 +29,129 @@ class FirstPlaces:
     """What the best-ranked candidates say.
 
     Attributes:
-        lines: every line, where it is known or was found.
-        latency_s: that was found, too; None where none was asked for.
-        calibration: of those candidates.
+        targets: every one, where it is known or was found.
+        transform: roughly the calibration.
+        recording: with its poses where a lag that was found leads.
     """
 
-    lines: tuple[Line, ...]
-    latency_s: float | None
-    calibration: Calibration
+    targets: tuple[Target, ...]
+    transform: AxisScaled
+    recording: Recording
 
     __repr__ = brief
 
 
+class _Rough(NamedTuple):
+    """A calibration, the places that it came with, and the lag."""
+
+    transform: AxisScaled
+    places: dict[str, Target]
+    latency_s: float | None
+
+
 def first_places(
-    recording: Recording, lines: Sequence[Line | Unplaced], detections: Detections, options: PointsOptions
+    recording: Recording,
+    targets: Sequence[Target | Unplaced],
+    detections: Sequence[Detections],
+    options: PointsOptions,
+    start: AxisScaled | None = None,
 ) -> FirstPlaces:
-    """The places of lines by the best-ranked candidates.
+    """The places of targets by the best-ranked candidates.
+
+    Several of one kind and frame take their names in the order in which they are found: which is which, nobody said.
+
+    Args:
+        recording: with its poses as they are stamped.
+        targets: some of which have no place.
+        detections: of one kind each.
+        options: how.
+        start: a calibration by those targets whose place is known; None where there is none.
 
     Raises:
         NoConsensusError: no calibration and no place agree with enough images.
         DegenerateGeometryError: the motion does not tell the one from the other.
         InputError: no detection is in a frame with a valid pose.
     """
-    tried: list[_First] = []
+    known = {one.name: one for one in targets if not isinstance(one, Unplaced)}
+    if start is None:
+        found = _first(recording, targets, detections, options)
+        place = target_at(found.target, found.calibration)
+        lag = found.calibration.latency_s if options.latency else None
+        rough = _Rough(found.calibration.probe_from_image, known | {place.name: place}, lag)
+    else:
+        rough = _Rough(start, known, None)
+    if rough.latency_s is not None:
+        recording = with_latency(recording, rough.latency_s, on_invalid=options.on_invalid)
+    places = _with_others(recording, targets, detections, rough, options)
+    return FirstPlaces(tuple(places[one.name] for one in targets), rough.transform, recording)
+
+
+def of_its_kind(detections: Sequence[Detections], target: Target | Unplaced) -> Detections:
+    """Those that may be a target: walls have as many points as images have axes."""
+    planes = kind_of(target) == "plane"
+    return next(one for one in detections if (one.points_each == one.dimension) == planes)
+
+
+def _first(
+    recording: Recording,
+    targets: Sequence[Target | Unplaced],
+    detections: Sequence[Detections],
+    options: PointsOptions,
+) -> FirstPlace:
+    """That target's which most images beyond chance agree on."""
+    found: list[FirstPlace] = []
     refusal: SonocalError | None = None
-    threshold_mm = threshold_of(options)
-    for most in RANKS:
-        rows = placed_rows(recording, lines, detections.select(detections.rank < most), options.posing)
-        for within_mm in (min(CLOSE_MM, threshold_mm), threshold_mm):
-            how = of_calibrate(options, targets=tuple(lines), threshold_mm=within_mm)
-            try:
-                tried.append(_First.of(calibrate(rows, **how), rows))
-            except (NoConsensusError, DegenerateGeometryError) as error:
-                refusal = refusal or error
-    best = max(tried, key=lambda one: one.beyond_chance, default=None)
-    if best is None:
+    for one in _unlike(targets):
+        try:
+            found.append(first_place(recording, one, of_its_kind(detections, one), options))
+        except (NoConsensusError, DegenerateGeometryError) as error:
+            refusal = refusal or error
+    if not found:
         assert refusal is not None
         raise refusal
-    if best.may_be_chance(detections.images):
-        raise NoConsensusError(
-            f"{recording.name}: no calibration and no place of the target agree with more than {best.images} of "
-            f"{detections.images} images, and so few may agree by chance; check in the contact sheet that it is "
-            "visible and marked, and scan it where little else is bright",
-            best_count=best.images,
-        )
-    found = best.calibration
-    places = tuple(line_at(one, found) for one in lines)
-    return FirstPlaces(places, found.latency_s if options.latency else None, found)
+    return max(found, key=lambda one: one.beyond_chance)
 
 
-@dataclass(frozen=True, eq=False)
-class _First:
-    """A first calibration, how many images agree with it, and how many would by chance."""
-
-    calibration: Calibration
-    images: int
-    by_chance: float
-
-    @classmethod
-    def of(cls, found: Calibration, rows: Observations) -> _First:
-        """Chance: how many agree when points of an image are taken for those of others.
-
-        Nearly all that agree are within twice their root mean square; of points that are anywhere, few are.
-        """
-        within_mm = min(found.threshold_mm, TWICE * found.fit.rms_mm)
-        images = len(np.unique(rows.frame[found.inlier & (found.residuals_mm < within_mm)]))
-        poses = poses_of(rows)
-        assert poses is not None
-        (target,) = found.targets.values()
-        lines = carried(poses, np.broadcast_to(target.spanning_mm, (len(poses), 2, 3)))
-        points = found.probe_from_image @ rows.points_px
-        along = lines[:, 1] - lines[:, 0]
-        along = along / np.linalg.norm(along, axis=1, keepdims=True)
-        away = points[None] - lines[:, :1]
-        away -= np.einsum("ijk,ik->ij", away, along)[:, :, None] * along[:, None]
-        other = rows.frame[:, None] != rows.frame[None]
-        share = float(np.mean(np.linalg.norm(away, axis=2)[other] < within_mm)) if other.any() else 1.0
-        return cls(found, images, share * len(rows))
-
-    @property
-    def beyond_chance(self) -> float:
-        return self.images - self.by_chance
-
-    def may_be_chance(self, images: int) -> bool:
-        """Whether as many would agree with some calibration and some place had images and poses nothing in common.
-
-        Neighbouring images that show the same clutter count once.
-
-        Source: a-contrario model estimation (Moisan and Stival 2004).
-        """
-        from scipy.special import bdtrc, gammaln
-
-        spread = self.calibration.fit.rms_mm / self.calibration.threshold_mm
-        if spread > MOST_SPREAD or self.images < max(LEAST_SHARE * images, min(LEAST_ROWS, 0.8 * images)):
-            return True
-        combinations = gammaln(images + 1) - gammaln(images - FREE_ROWS + 1) - gammaln(FREE_ROWS + 1)
-        chance = min(self.by_chance / images, 1.0)
-        tail = max(bdtrc(self.images - FREE_ROWS - 1, images - FREE_ROWS, chance), np.finfo(float).tiny)
-        return bool(combinations + np.log(tail) / CLUTTER_FRAMES > 0)
+def _unlike(targets: Sequence[Target | Unplaced]) -> Iterator[Unplaced]:
+    """Of targets without a place that nothing but their names tells apart, the first."""
+    seen = set()
+    for one in targets:
+        if isinstance(one, Unplaced):
+            looks = (
+                one.kind,
+                one.frame.lower(),
+                None if one.spanning_mm is None else one.spanning_mm.tobytes(),
+            )
+            if looks not in seen:
+                seen.add(looks)
+                yield one
 
 
-def at_latency(recording: Recording, first: FirstPlaces, options: PointsOptions) -> Recording:
-    """The recording with its poses where the first calibration's lag leads."""
-    if first.latency_s is None:
-        return recording
-    return with_latency(recording, first.latency_s, on_invalid=options.on_invalid)
+def _with_others(
+    recording: Recording,
+    targets: Sequence[Target | Unplaced],
+    detections: Sequence[Detections],
+    rough: _Rough,
+    options: PointsOptions,
+) -> dict[str, Target]:
+    """Every target's place, by its name; what is seen of one is not looked at for the next."""
+    places = dict(rough.places)
+    left = {(one.points_each == one.dimension): one for one in detections}
+    for place in rough.places.values():
+        planes = kind_of(place) == "plane"
+        seen = Seen.of(recording, place, left[planes], rough.transform, options)
+        mine = seen.nearest(place.spanning_mm, threshold_of(options))
+        left[planes] = _without(left[planes], seen.number[mine])
+    for one in targets:
+        if isinstance(one, Unplaced) and one.name not in places:
+            planes = one.kind == "plane"
+            spanning, numbers = further_place(recording, one, left[planes], rough.transform, options)
+            places[one.name] = placed_at(one, spanning)
+            left[planes] = _without(left[planes], numbers)
+    return places
+
+
+def _without(detections: Detections, numbers: NDArray[np.int64]) -> Detections:
+    kept = np.ones(len(detections), dtype=bool)
+    kept[numbers] = False
+    return detections.select(kept)

@@ -20,7 +20,8 @@ from sonocal.recording import Recording
 from sonocal.recording.poses import OnInvalid
 from sonocal.registration.options import true_or_false
 from sonocal.sweep.tabulate import Fixed, Posing, check_posing
-from sonocal.targets import Line, Plane, Point, Target
+from sonocal.targets import Line, Plane, Point, Target, Unplaced
+from sonocal.targets.unplaced import kind_of
 
 __all__ = [
     "Keywords",
@@ -162,6 +163,20 @@ class Options(PointsOptions):
                     f"{recording.name}; leave it out"
                 )
         return asked
+
+    @classmethod
+    def for_unplaced(
+        cls, recording: Recording, targets: Sequence[Target | Unplaced], /, **keywords: Any
+    ) -> Self:
+        """As `for_lines`, of targets whose place is asked for."""
+        seen_as_lines = [one for one in targets if kind_of(one) != "plane"]
+        if keywords.get("threshold_mm") is None:
+            keywords["threshold_mm"] = THRESHOLD_MM
+        if len(seen_as_lines) > 1 and recording.image is not None and recording.image.dimension == 2:
+            keywords = {"count": len(seen_as_lines) + SPARE, "centre": "mass"} | {
+                name: value for name, value in keywords.items() if value is not None
+            }
+        return cls.for_recording(recording, **keywords)
 
     @property
     def detection(self) -> DetectionOptions:

@@ -1,8 +1,4 @@
-"""A recording of a thread, or of a needle, whose place nobody knows: it is found with the calibration.
-
-The best-ranked candidates give a first calibration and a first place. With that the thread is a line like any other:
-candidates are chosen by it, and fainter ones looked for. What was chosen is calibrated once more, its place unknown.
-"""
+"""The table of points of a recording against targets, of some of which nobody knows the place."""
 
 from __future__ import annotations
 
@@ -12,53 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sonocal.calibration import Calibration, calibrate, placed_by
 from sonocal.detection import Detections
-from sonocal.errors import (
-    UnsupportedError,
-)
 from sonocal.geometry import Array
 from sonocal.observations import Observations
-from sonocal.observations.poses import pose_cells, with_poses
+from sonocal.observations.poses import pose_cells
 from sonocal.recording import Recording
 from sonocal.sweep.mixed import named_targets, require_posed
-from sonocal.sweep.options import PointsOptions, of_calibrate
 from sonocal.sweep.tabulate import Posing, check_places
-from sonocal.targets import Line, Target, Unplaced, check_lines
+from sonocal.targets import Target, Unplaced, check_lines
 
-__all__ = [
-    "line_at",
-    "placed_rows",
-    "require_findable",
-    "threshold_of",
-    "with_own_places",
-]
-
-
-def require_findable(lines: Sequence[Line | Unplaced]) -> None:
-    """Refuse targets that are not looked for in images, or cannot be told apart there.
-
-    Raises:
-        UnsupportedError: one is a point or a plane, or there are several lines.
-    """
-    for one in lines:
-        if isinstance(one, Unplaced) and one.kind != "line":
-            raise UnsupportedError(
-                f"{one.kind} {one.name!r}: its place is unknown, and in images lines alone are looked for; give its "
-                "points with --points (in Python: calibrate_points)"
-            )
-    if len(lines) > 1:
-        raise UnsupportedError(
-            f"the places of some of {len(lines)} lines are unknown, and in images they cannot be told apart; scan one "
-            "at a time, or give their points with --points"
-        )
-
-
-def line_at(line: Line | Unplaced, found: Calibration) -> Line:
-    """A line where a calibration found it."""
-    if isinstance(line, Line):
-        return line
-    return Line(line.name, line.frame, np.array(found.targets[line.name].spanning_mm))
+__all__ = ["placed_rows"]
 
 
 def placed_rows(
@@ -128,38 +87,3 @@ def _table(
         image_size_px=None if recording.image is None else recording.image.size_px,
         source=detections.source,
     )
-
-
-def with_own_places(
-    chosen: Observations, recording: Recording, lines: Sequence[Line | Unplaced], options: PointsOptions
-) -> tuple[Calibration, Observations]:
-    """What was chosen, calibrated with places unknown again.
-
-    Args:
-        chosen: rows of the lines as they were found first.
-        recording: with its poses as they are stamped.
-        lines: as they were given.
-        options: how to calibrate.
-
-    Returns:
-        The calibration, and the rows with their lines where it found them.
-    """
-    asked = {one.name: one for one in lines if isinstance(one, Unplaced)}
-    mine = np.isin(chosen.target, list(asked))
-    spanning = np.concatenate([chosen.segments_mm, np.full((len(chosen), 1, 3), np.nan)], axis=1)
-    spanning[mine] = np.nan
-    poses = np.full((len(chosen), 3, 4), np.nan)
-    for name, one in asked.items():
-        here = chosen.target == name
-        known = recording.between(options.probe, one.frame, options.fixed, options.on_invalid).matrices
-        poses[here] = known[chosen.frame[here], :3]
-    kept = np.isfinite(spanning[:, 0, 0]) | np.isfinite(poses[:, 0, 0])
-    columns = {"spanning_mm": spanning, "segments_mm": spanning[:, :2], "split": np.full(len(chosen), "")}
-    rows = with_poses(chosen.with_sound(**columns), poses).select(kept)
-    found = calibrate(rows, **of_calibrate(options, targets=tuple(lines), threshold_mm=threshold_of(options)))
-    return found, placed_by(found, rows)
-
-
-def threshold_of(options: PointsOptions) -> float:
-    """The distance, mm, within which rows agree; where the noise would tell it, the most."""
-    return 5.0 if options.threshold_mm == "auto" else float(options.threshold_mm)

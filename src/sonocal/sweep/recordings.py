@@ -1,4 +1,4 @@
-"""From a recording of whatever targets to a calibration: a needle, wires, walls, cross-wires, a line nobody placed."""
+"""From a recording of whatever targets to a calibration: a needle, wires, walls, cross-wires, targets nobody placed."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ def calibrate_recording(
 
     Args:
         recording: images, and poses with any latency undone, see `with_latency`.
-        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`; or a line whose
-            place in its frame is unknown, see `Unplaced`: a thread in a tank, a needle that was never pivoted. It is
-            found with the calibration (`Calibration.targets`).
-        detections: what `detect` found, where that was done before; of points and planes what `TargetSweep.detect` did.
+        lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`; or such as
+            have no place in their frame that is known, see `Unplaced`: a thread in a tank, its floor, a needle that
+            was never pivoted. It is found with the calibration (`Calibration.targets`).
+        detections: what `detect` found, where that was done before; of points and planes, and of what has no place,
+            what `TargetSweep.detect` did.
         progress: called with how many images are done and how many there are.
         **options: any of those of `sonocal.calibrate`, and of the following, by name.
 
@@ -68,7 +69,7 @@ def calibrate_recording(
         InputError: the recording lacks images or poses, or an option does not exist or means nothing.
     """
     sweep = sweep_of(recording, lines, **options)
-    if isinstance(sweep, TargetSweep):
+    if not isinstance(sweep, Sweep):
         found = sweep.detect(progress) if detections is None else detections
         return sweep.calibrate([found] if isinstance(found, Detections) else found)
     if detections is None:
@@ -81,14 +82,14 @@ def calibrate_recording(
 def sweep_of(
     recording: Recording, targets: Sequence[Target | Unplaced], /, **options: Unpack[Keywords]
 ) -> Sweep | TargetSweep | UnplacedSweep:
-    """A needle or wires in a recording; or targets of any kind; or a line whose place is asked for.
+    """A needle or wires in a recording; or targets of any kind; or such as have no place, which is asked for.
 
     Raises:
         InputError, UnsupportedError: as `calibrate_recording`.
     """
     lists = isinstance(targets, Sequence) and not isinstance(targets, str)
     if lists and any(isinstance(one, Unplaced) for one in targets):
-        return UnplacedSweep.of(recording, targets, **options)  # type: ignore[arg-type]  # it refuses what is no line
+        return UnplacedSweep.of(recording, targets, **options)
     known = [one for one in targets if isinstance(one, (Line, Plane, Point))] if lists else []
     if known and len(known) == len(targets):
         wanted = looked_for(known)

@@ -28,9 +28,10 @@ from sonocal.sweep.recorded import as_recorded
 from sonocal.sweep.second_wall import find_second_wall, second_wall_findings
 from sonocal.sweep.tabulate_targets import tabulate_candidates
 from sonocal.sweep.target_candidates import TargetCandidates
-from sonocal.targets import Line, Plane, Point, Target, check_lines
+from sonocal.targets import Line, Point, Target, Unplaced, check_lines
+from sonocal.targets.unplaced import kind_of
 
-__all__ = ["TargetSweep", "looked_for"]
+__all__ = ["TargetSweep", "detected", "detectors_of", "looked_for"]
 
 ON_LINE_MM = 1.0
 """A point so near a line of its own frame is an end of the needle, and not another target."""
@@ -92,13 +93,11 @@ class TargetSweep:
         check_lines(recording.name, known, "targets")
         asked = Options.for_targets(recording, known, **options)
         spanning_mm(recording, known, asked.posing)  # which says what connects none of them to the probe
-        return cls(recording, known, asked, _detectors(recording, known, asked))
+        return cls(recording, known, asked, detectors_of(recording, known, asked))
 
     def detect(self, progress: Progress | None = None) -> tuple[Detections, ...]:
         """What may be one of the targets, of each detector its own."""
-        count = len(self.detectors)
-        told = [_part(progress, i, count) for i in range(count)]
-        return tuple(one.detect(tell) for one, tell in zip(self.detectors, told, strict=True))
+        return detected(self.detectors, progress)
 
     def candidates(self, detections: Sequence[Detections]) -> Observations:
         """The table of what was detected.
@@ -161,19 +160,33 @@ class TargetSweep:
         )
 
 
-def _detectors(recording: Recording, targets: Sequence[Target], options: Options) -> tuple[Images, ...]:
+def detectors_of(
+    recording: Recording, targets: Sequence[Target | Unplaced], options: Options
+) -> tuple[Images, ...]:
+    """What looks for targets of some kinds: for points and lines, then for planes.
+
+    Raises:
+        UnsupportedError: beads are to be found in volumes.
+    """
     flat = require_images(recording).dimension == 2
-    if not flat and any(isinstance(one, Point) for one in targets):
+    kinds = {kind_of(one) for one in targets}
+    if not flat and "point" in kinds:
         raise UnsupportedError(
             f"{recording.name}: has volumes, in which beads and crossings are not looked for; take the [[point]] "
             "tables out of the file of targets, or give the points with --points"
         )
     found: list[Images] = []
-    if any(not isinstance(one, Plane) for one in targets):
+    if kinds - {"plane"}:
         found.append(detector_of(recording, options.detection))
-    if any(isinstance(one, Plane) for one in targets):
+    if "plane" in kinds:
         found.append(RecordedWalls(recording, options.detection))
     return tuple(found)
+
+
+def detected(detectors: Sequence[Images], progress: Progress | None) -> tuple[Detections, ...]:
+    """What each of several detectors finds."""
+    told = [_part(progress, i, len(detectors)) for i in range(len(detectors))]
+    return tuple(one.detect(tell) for one, tell in zip(detectors, told, strict=True))
 
 
 def _part(progress: Progress | None, which: int, count: int) -> Progress | None:
