@@ -36,8 +36,11 @@ DIGITS = (
 )
 DIGIT_PX = 2
 
-Mark = tuple[Array, tuple[int, int, int]]
-"""Points (P, D) px and their colour."""
+BESIDE_PX = (5, 3)
+"""From a wire's cross, right and down, to its number."""
+
+Mark = tuple[Array, tuple[int, int, int], str]
+"""Points (P, D) px, their colour, and the number that is written beside them."""
 
 
 def contact_sheet(
@@ -48,7 +51,8 @@ def contact_sheet(
 ) -> Pixels:
     """Images spread over a recording with detections marked: orange, yellow the best, green the chosen one.
 
-    Each bears its frame's number. A volume shows as the brightest voxels seen from the front, along w, and from the
+    Each bears its frame's number. Of several wires each chosen point bears its own: 1 for the first of their names, and
+    on. A volume shows as the brightest voxels seen from the front, along w, and from the
     side, along u, with its lines dotted. So are walls: from one of the points that were fitted to another.
 
     Args:
@@ -83,14 +87,23 @@ def _marks(kinds: Sequence[Detections], chosen: Observations | None, index: int)
     for detections in kinds:
         here = np.flatnonzero(detections.frame == index)
         here = here[np.argsort(-detections.rank[here], kind="stable")]
-        marks += [(detections.points_px[row], FIRST if detections.rank[row] == 0 else OTHER) for row in here]
+        marks += [
+            (detections.points_px[row], FIRST if detections.rank[row] == 0 else OTHER, "") for row in here
+        ]
     if chosen is not None:
         here = np.flatnonzero(chosen.frame == index)
-        sightings = chosen.sightings[here]
+        sightings, numbers = chosen.sightings[here], _numbers(chosen)[here]
         marks += [
-            (chosen.points_px[here[sightings == one]], CHOSEN) for one in dict.fromkeys(sightings.tolist())
+            (chosen.points_px[here[sightings == one]], CHOSEN, str(numbers[sightings == one][0]))
+            for one in dict.fromkeys(sightings.tolist())
         ]
     return marks
+
+
+def _numbers(chosen: Observations) -> NDArray[np.str_]:
+    """(N,): of each row's wire, where they are several."""
+    names, wire = np.unique(chosen.target, return_inverse=True)
+    return np.array([str(one + 1) if len(names) > 1 else "" for one in wire], dtype=np.str_)
 
 
 def _tile(recording: Recording, marks: list[Mark], index: int) -> Pixels:
@@ -108,12 +121,28 @@ def _tile(recording: Recording, marks: list[Mark], index: int) -> Pixels:
 
 def _number(tile: Pixels, index: int) -> None:
     """The frame's number at the lower left, white on black; an image too small for it goes without."""
-    glyphs = [np.array([*DIGITS[int(digit)]], dtype=np.uint8).reshape(5, 3) for digit in str(index)]
-    line = np.pad(np.hstack([np.pad(glyph, ((1, 1), (1, 0))) for glyph in glyphs]), ((0, 0), (0, 1)))
+    line = np.pad(_digits(str(index)), ((0, 0), (0, 1)))
     pixels = np.kron(line, np.full((DIGIT_PX, DIGIT_PX), 255, dtype=np.uint8))
     height, width = pixels.shape
     if 2 * height <= tile.shape[0] and width <= tile.shape[1]:
         tile[-1 - height : -1, :width] = pixels[:, :, None]
+
+
+def _digits(number: str) -> NDArray[np.uint8]:
+    """A number in pixels that are 0 or 1, with a row above and below it."""
+    glyphs = [np.array([*DIGITS[int(digit)]], dtype=np.uint8).reshape(5, 3) for digit in number]
+    return np.hstack([np.pad(glyph, ((1, 1), (1, 0))) for glyph in glyphs])
+
+
+def _beside(view: Pixels, place: Array, number: str, colour: tuple[int, int, int]) -> None:
+    """A wire's number right below its cross, or left above where that is out of the picture."""
+    ink = np.kron(_digits(number), np.ones((DIGIT_PX, DIGIT_PX), dtype=np.uint8)) > 0
+    corner = np.rint(place).astype(int) + BESIDE_PX
+    over = corner + ink.shape[::-1] > (view.shape[1], view.shape[0])
+    corner = np.where(over, np.rint(place).astype(int) - BESIDE_PX - ink.shape[::-1], corner)
+    if (corner >= 0).all():
+        part = view[corner[1] : corner[1] + ink.shape[0], corner[0] : corner[0] + ink.shape[1]]
+        part[ink[: part.shape[0], : part.shape[1]]] = colour
 
 
 def _view(
@@ -121,10 +150,12 @@ def _view(
 ) -> Pixels:
     flat = grey if along is None else grey.max(axis=along)
     view = _small(flat.T if axes == [2, 1] else flat, step)
-    for points, colour in marks:
+    for points, colour, number in marks:
         place = points[:, axes] / step
         if len(place) == 1:
             _cross(view, place[0], colour)
+        if len(place) == 1 and number:
+            _beside(view, place[0], number, colour)
         for i in range(len(place) if len(place) > 2 else len(place) - 1):
             size = 1 if along is not None and len(place) == 2 else WALL_DOT_PX
             _dots(view, place[[i, (i + 1) % len(place)]], colour, size)
