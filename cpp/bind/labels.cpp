@@ -3,6 +3,7 @@
 #include "bind/checks.hpp"
 #include "sonocal/correspondences/label_fit.hpp"
 #include "sonocal/correspondences/label_search.hpp"
+#include "sonocal/correspondences/label_shift.hpp"
 #include "sonocal/solvers/batch.hpp"
 
 using namespace nb::literals;
@@ -102,6 +103,42 @@ Settlings settle(LabelDots points, LabelFirst first, LabelLines lines, LabelStar
       make_array(std::move(distances), {size, count}), make_array(std::move(scores), {size}));
 }
 
+using Shiftings = nb::typed<nb::tuple, Out<double>, Out<std::int32_t>, Out<double>, Out<double>>;
+
+// Of each similarity and frame: the cost (K, F), the labels and what the shifts leave (K, N), the shifts (K,
+// F, 3).
+Shiftings shift(LabelDots points, LabelFirst first, LabelLines lines, LabelStarts starts, double reach,
+                double dot, double shift) {
+  const LabelTable table = label_table(points, first, lines);
+  check_reach(reach);
+  require(usable(dot) && dot > 0 && usable(shift) && shift > 0, "dot or shift is not a positive number");
+  const std::size_t size = starts.shape(0), count = points.shape(0), frames = table.frames;
+  check_finite(starts.data(), size * 16, "starts");
+  std::vector<double> costs(size * frames), distances(size * count, kNaN), shifts(size * frames * 3);
+  std::vector<std::int32_t> labels(size * count, -1);
+  {
+    nb::gil_scoped_release unlocked;
+    const LabelScene scene(table);
+    const FrameErrors errors{dot / scene.size(), shift / scene.size()};
+    for (std::size_t k = 0; k < size; ++k) {
+      const Transform a = scene.from_original(read_row_major(starts.data() + 16 * k));
+      for (std::size_t f = 0; f < frames; ++f) {
+        const ShiftedFrame one = shift_frame(scene, a, static_cast<int>(f), reach / scene.size(), errors);
+        costs[k * frames + f] = one.cost;
+        for (int axis = 0; axis < 3; ++axis)
+          shifts[3 * (k * frames + f) + axis] = one.shift[axis] * scene.size();
+        for (const DotOnWire& pair : one.pairs) {
+          labels[k * count + pair.dot] = pair.wire;
+          distances[k * count + pair.dot] = std::sqrt(pair.square) * scene.size();
+        }
+      }
+    }
+  }
+  return nb::make_tuple(
+      make_array(std::move(costs), {size, frames}), make_array(std::move(labels), {size, count}),
+      make_array(std::move(distances), {size, count}), make_array(std::move(shifts), {size, frames, 3}));
+}
+
 }  // namespace
 
 void bind_labels(nb::module_& m) {
@@ -109,4 +146,6 @@ void bind_labels(nb::module_& m) {
         "reach"_a, "finds"_a, "hypotheses"_a, "seconds"_a, "least_scale"_a, "largest_scale"_a, "seed"_a);
   m.def("settle_labels", &settle, "points"_a.noconvert(), "first"_a.noconvert(), "lines"_a.noconvert(),
         "starts"_a.noconvert(), "reach"_a);
+  m.def("shift_labels", &shift, "points"_a.noconvert(), "first"_a.noconvert(), "lines"_a.noconvert(),
+        "starts"_a.noconvert(), "reach"_a, "dot"_a, "shift"_a);
 }

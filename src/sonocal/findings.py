@@ -79,6 +79,7 @@ CODES = {
     # sweep
     "second-needle": "a second needle, or an echo, moves with the needle",
     "second-wall": "a second line runs along the wall",
+    "labels-given": "which wire bears which number, and how far the next best labels are",
     "labels-ambiguous": "which dot is of which wire is not decided by the images",
     "labels-unfinished": "the search for labels of wires ended early",
     "wrong-poses": "poses are inverted, transposed, or of another quaternion order",

@@ -252,6 +252,12 @@ def settle_labels(h: Hostile) -> Any:
     return h.core.settle_labels(*labels(h), h.array(starts), h.number(h.pick([1.0, 1e-6, 1e6])))
 
 
+def shift_labels(h: Hostile) -> Any:
+    starts = h.random.normal(size=(h.pick([0, 1, 3]), 4, 4)) * h.pick([1.0, 0.0, 1e50])
+    errors = h.number(h.pick([0.2, 1e-6, 1e6])), h.number(h.pick([0.6, 1e-6, 1e6]))
+    return h.core.shift_labels(*labels(h), h.array(starts), h.number(h.pick([1.0, 1e-6, 1e6])), *errors)
+
+
 CALLS: dict[str, Callable[[Hostile], Any]] = {
     "four_points": lambda h: minimal(h, "four_points", 4, 2, *steps(h)),
     "two_lines": lambda h: minimal(h, "two_lines", 4, 3, *steps(h)),
@@ -280,6 +286,7 @@ CALLS: dict[str, Callable[[Hostile], Any]] = {
     "find_places": find_places,
     "search_labels": search_labels,
     "settle_labels": settle_labels,
+    "shift_labels": shift_labels,
     "BlobFilter": blobs,
     "study_trials": study_trials,
     "study_bounds": study_bounds,

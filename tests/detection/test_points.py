@@ -246,3 +246,17 @@ def test_wires_of_real_images_are_found_where_plus_found_them(data_folder):
     )
     assert (distance <= 2).mean() >= 0.95
     assert np.median(distance) <= 0.7
+
+
+def test_letters_that_flicker_are_masked_and_wires_that_stand_still_in_noise_are_not():
+    rng = np.random.default_rng(1)
+    letters, wire = np.zeros(SHAPE), blob(60, 60)
+    letters[5:19, 100:150] = np.kron(rng.random((7, 25)) < 0.5, np.ones((2, 2))) * 200
+    below = np.arange(SHAPE[0])[:, None] >= 30  # a grabber's letters stand beside the echoes
+    images = [
+        np.maximum(letters * (1 + rng.normal(scale=0.03)), (wire + rng.normal(40, 4, SHAPE)) * below)
+        for _ in range(24)
+    ]
+    mask = find_mask(np.clip(images, 0, 255).astype(np.uint8))
+    assert not mask[7:17, 102:148].any()
+    assert mask[40:, :].all()

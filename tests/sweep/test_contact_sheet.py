@@ -148,3 +148,23 @@ def test_every_image_bears_its_own_number():
     assert len({corner.tobytes() for corner in corners}) == 13
     ones = corners[11][..., 0] // 255
     assert ones[:, :8].sum() == ones[:, 8:16].sum() > 0  # 11: one digit twice
+
+
+def test_points_of_several_wires_bear_their_numbers_and_those_of_one_none():
+    places = np.array([[100.0, 50.0], [200.0, 90.0], [318.0, 158.0]])
+    segments = np.tile([[0.0, 0, 0], [0, 0, 1]], (3, 1, 1))
+    nothing = Detections.of_points([], np.empty((0, 2)))
+    inked = []
+    for names, frame in ((["b", "a", "c"], [0, 0, 0]), (["a", "a", "a"], [0, 1, 2])):
+        chosen = Observations(
+            points_px=places, segments_mm=segments, frame=np.array(frame), target=np.array(names)
+        )
+        sheet = images_of(IMAGES, nothing, chosen)
+        inked.append({(int(v), int(u)) for v, u in zip(*where(sheet, CHOSEN), strict=True)})
+    several, one = inked
+    assert any(50 < v < 70 and 104 < u < 120 for v, u in several)
+    assert any(140 < v < 155 and 304 < u < 314 for v, u in several)  # left above, where it is not cut off
+    assert not any(50 < v < 70 and 104 < u < 120 for v, u in one if (v, u) not in {(50, 108)})
+    first = {(v - 50, u - 100) for v, u in several if v < 80}
+    second = {(v - 90, u - 200) for v, u in several if 80 < v < 120 and u > 190}
+    assert first != second

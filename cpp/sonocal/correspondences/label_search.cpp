@@ -8,6 +8,7 @@
 #include "sonocal/correspondences/label_fit.hpp"
 #include "sonocal/correspondences/label_grid.hpp"
 #include "sonocal/correspondences/label_samples.hpp"
+#include "sonocal/correspondences/label_shift.hpp"
 #include "sonocal/interrupt/interrupt.hpp"
 #include "sonocal/robust/random.hpp"
 #include "sonocal/solvers/batch.hpp"
@@ -30,6 +31,11 @@ constexpr double kFullWeight = 3.0;
 // An image so many times as large as all that the lines are spread over shows none of it.
 constexpr double kLargestScale = 50;
 constexpr double kKeptShare = 0.5;
+// In thresholds: of a dot, and of the shift that a frame's share, as their poses' errors are the larger ones.
+constexpr double kDotError = 0.2, kShiftError = 0.6;
+// An answer that comes so near to the best one asks for that to be found so many times as often.
+constexpr double kNear = 0.8;
+constexpr int kAgainstNear = 4;
 constexpr std::size_t kMostCandidates = 12;
 
 // Passes the best share of the values that it is shown.
@@ -95,7 +101,7 @@ class Searching {
     while (!samples_.none() && out_.hypotheses < options_.most && !out_.finished && !late()) {
       allow_interrupt();
       solve_some();
-      out_.finished = !out_.candidates.empty() && out_.candidates[0].finds >= options_.finds;
+      out_.finished = !out_.candidates.empty() && out_.candidates[0].finds >= finds_wanted();
     }
     for (LabelCandidate& one : out_.candidates) one.a = scene_.to_original(one.a);
     return std::move(out_);
@@ -105,6 +111,12 @@ class Searching {
   bool late() const {
     const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - start_;
     return passed.count() > options_.most_seconds;
+  }
+
+  int finds_wanted() const {
+    const auto& all = out_.candidates;
+    const bool near = all.size() > 1 && all[1].score > kNear * all[0].score;
+    return near ? kAgainstNear * options_.finds : options_.finds;
   }
 
   void solve_some() {
@@ -156,7 +168,17 @@ class Searching {
     refine_on_own(sample, a);
     if (!others_.passes(weight(a.scales[0]) * check(a))) return;
     const SettledLabels settled = settle_labels(scene_, checked_, a, reach_);
-    keep(settled.a, weight(settled.a.scales[0]) * settled.score);
+    keep(settled.a, weight(settled.a.scales[0]) * explained(settled.a));
+  }
+
+  // Dots of the checked frames that are where their wires are, but for what a frame's share.
+  double explained(const Transform& a) const {
+    double sum = 0;
+    for (int f : checked_) {
+      const FrameErrors errors{kDotError * reach_, kShiftError * reach_};
+      sum += scene_.dots(f) - shift_frame(scene_, a, f, reach_, errors).cost / kMostCost;
+    }
+    return sum;
   }
 
   void refine_on_own(const FourPairs& sample, Transform& a) {

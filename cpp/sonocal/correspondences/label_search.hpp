@@ -20,7 +20,7 @@ struct LabelSearchOptions {
 // An answer, settled on up to sixteen frames.
 struct LabelCandidate {
   Transform a;       // as the table is
-  double score = 0;  // of these frames
+  double score = 0;  // of these frames, in dots: how many are explained, but for what a frame's share
   int finds = 0;
 };
 

@@ -18,10 +18,14 @@ __all__ = ["find_mask", "read_mask"]
 Mask = NDArray[np.bool_]
 
 SAMPLES = 24
-STILL = 3.0
-"""Grey levels within which a pixel stands still; compressed video flickers by as much."""
+STILL, STILL_SHARE = 3.0, 0.2
+"""Grey levels within which a pixel stands still, and the share of its own: compressed video flickers by as much."""
+STILL_AROUND, AROUND_PX = 8.0, (1, 4)
+"""Grey levels within which the middle one of a pixel's surroundings varies, so that it is drawn beside the echoes or
+over them; a wire that stands still has speckle around it."""
 INK = 30.0
 """Grey level from which a still pixel is drawn over the image."""
+BLUR_PX, BETWEEN_PX = 3, 4
 RIM_PX = 2
 NOTCH = 1 / 16
 """Of the image's smaller side: narrower bays in the fan's edge, by twice as much, are black for want of echoes."""
@@ -76,13 +80,35 @@ def read_mask(path: str | Path, shape: tuple[int, ...]) -> Mask:
 
 
 def _overlay(least: NDArray[np.float32], greatest: NDArray[np.float32]) -> Mask:
-    from scipy.ndimage import binary_dilation
+    from scipy.ndimage import binary_dilation, binary_erosion
 
-    still = (greatest - least <= STILL) & (least >= INK)
+    ranges = greatest - least
+    still = (ranges <= STILL) & (least >= INK)
+    if least.ndim == 2 and not still.mean() > LARGEST_OVERLAY:
+        flickers = (ranges <= STILL_SHARE * least) & (least >= INK) & ~still
+        still |= flickers & _beside_stillness(ranges, flickers)
     if still.mean() > LARGEST_OVERLAY:  # a frozen recording: everything stands still
         return np.zeros(least.shape, dtype=bool)
-    # Letters are blurred at their rims where the screen was scaled.
-    return np.asarray(binary_dilation(still, iterations=3))
+    # Letters are blurred at their rims where the screen was scaled; of what is between them an island would stand out.
+    grown = binary_dilation(still, iterations=BLUR_PX + BETWEEN_PX)
+    return np.asarray(binary_erosion(grown, iterations=BETWEEN_PX, border_value=1))
+
+
+def _beside_stillness(ranges: NDArray[np.float32], where: Mask) -> Mask:
+    """Pixels of some, whose surroundings hardly vary."""
+    out = np.zeros(where.shape, dtype=bool)
+    near, far = AROUND_PX
+    padded = np.pad(ranges, far, mode="edge")
+    row, column = np.nonzero(where)
+    ring = [
+        padded[row + far + v, column + far + u]
+        for v in range(-far, far + 1)
+        for u in range(-far, far + 1)
+        if near < np.hypot(u, v) <= far
+    ]
+    if len(row):
+        out[row, column] = np.median(ring, axis=0) <= STILL_AROUND
+    return out
 
 
 def _fan(lit: Mask) -> Mask:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array
-from sonocal.registration.label_table import LabelTable, Settled
+from sonocal.registration.label_errors import Answer, FrameErrors
+from sonocal.registration.label_table import LabelTable
 
-__all__ = ["by_chance", "hardly_seen", "ratio_to_shuffled", "tells_apart"]
+__all__ = ["AgainstShuffled", "by_chance", "hardly_seen", "nats_apart", "tells_apart"]
 
-# What a dot that no wire explains costs, in nats: as much as one that is three standard deviations off.
-MOST_COST = 4.5
 # So many standard errors, of frames' differences, that an answer must be better by; and so many nats.
 STANDARD_ERRORS, NATS = 2.5, 25.0
 # Of a few frames, of which nobody knows how much they scatter.
 NATS_OF_FEW = 14.0
+# The same for the wires of other frames, of which nobody searched the best.
+ERRORS_OF_POSES, NATS_OF_POSES, NATS_OF_FEW_POSES = 2.0, 10.0, 4.0
 # A wire of fewer dots than such a part of the best met one's is hardly seen, where there are so many frames.
 HARDLY, LEAST_SHOWN = 0.25, 4
 # Of frames, from which on these tell how much their differences scatter.
@@ -25,73 +28,116 @@ SHUFFLES = (0.5, 0.25, 0.38, 0.62, 0.12)
 SAMPLE, CLOSER = 4, (1.0, 0.7, 0.5, 0.35, 0.25)
 
 
-def _level_mm2(settled: Settled) -> float:
-    """Variance of a residual along either axis across its wire, from the median."""
-    squares = settled.distances_mm[settled.labels >= 0] ** 2
-    return float(np.median(squares)) / (2 * np.log(2)) if len(squares) else 1.0
+def nats_apart(table: LabelTable, costs: Array, others: Array) -> tuple[float, float]:
+    """How much less `costs` (F,) are than `others`, and over how many standard errors, by how the frames scatter.
 
-
-def _costs(settled: Settled, level_mm2: float) -> Array:
-    squares = np.where(settled.labels >= 0, settled.distances_mm, np.inf) ** 2
-    return np.asarray(np.minimum(squares / (2 * level_mm2), MOST_COST))
-
-
-def tells_apart(table: LabelTable, best: Settled, other: Settled) -> bool:
-    """Whether the dots say that `other` is wrong.
-
-    Costs are summed by frame, as a pose's error is shared by all dots of one; how much the frames' differences
-    scatter tells what their sum is worth.
+    Costs are summed by frame, as a pose's error is shared by all dots of one.
     """
-    level = max(_level_mm2(best), 1e-12)
-    each = np.bincount(table.frame, _costs(other, level) - _costs(best, level), minlength=len(table.wires))
-    each = each[np.diff(table.first) > 0]
+    each = (others - costs)[np.diff(table.first) > 0]
     if len(each) < ENOUGH_FRAMES:
-        return bool(each.sum() >= NATS_OF_FEW)
-    if each.sum() < NATS:
-        return False
+        return float(each.sum()), np.inf
     error = float(np.std(each, ddof=1)) * np.sqrt(len(each))
-    return bool(each.sum() > STANDARD_ERRORS * error)
+    return float(each.sum()), float(each.sum()) / max(error, 1e-12)
 
 
-def by_chance(table: LabelTable, settled: Settled, threshold_mm: float) -> float:
+def tells_apart(table: LabelTable, best: Answer, other: Answer) -> bool:
+    """Whether the dots say that `other` is wrong."""
+    nats, errors = nats_apart(table, best.shifted.costs, other.shifted.costs)
+    if not np.isfinite(errors):
+        return nats >= NATS_OF_FEW
+    return nats >= NATS and errors > STANDARD_ERRORS
+
+
+def by_chance(table: LabelTable, answer: Answer, threshold_mm: float) -> float:
     """Log of how many answers would be expected to explain dots as well if these lay anywhere: below 0, none.
 
-    At the distance at which that is least, as a right answer's dots lie near their wires.
+    At the distance at which that is least, as a right answer's dots lie near their wires; before each frame is shifted
+    by what its pose may be off, and after that.
 
     Source: a-contrario model estimation with an adaptive threshold (Moisan, Moulon and Monasse 2012).
     """
+    one, scale = answer.settled, float(np.linalg.norm(answer.settled.matrix[:3, 0]))
+    wires, area, count = table.wires.shape[1], table.box_mm2(scale), len(table.points)
+    tried = SAMPLE * float(np.log(count * wires)) + float(np.log(2 * len(CLOSER)))
+    plain = _by_chance(one.distances_mm, threshold_mm, SAMPLE, tried, wires / area)
+    # A frame's shift brings a dot onto a wire that is within reach: one dot fewer tells, and so many shifts are tried.
+    hit = np.bincount(table.frame[answer.shifted.labels >= 0], minlength=len(table.wires)) > 0
+    pairs = np.diff(table.first)[hit] * wires * np.pi * threshold_mm**2 / area
+    shifted = _by_chance(
+        answer.shifted.distances_mm,
+        threshold_mm,
+        SAMPLE + int(np.count_nonzero(hit)),
+        tried + float(np.log1p(pairs).sum()),
+        wires / area,
+    )
+    return min(plain, shifted)
+
+
+def _by_chance(
+    distances_mm: Array, threshold_mm: float, used: int, tried: float, wires_per_mm2: float
+) -> float:
+    """As `by_chance`, where so many dots were brought onto wires, by the best of so many answers (log)."""
     from scipy.special import bdtrc
 
-    scale = float(np.linalg.norm(settled.matrix[:3, 0]))
-    wires, count = table.wires.shape[1], len(table.points)
-    answers = SAMPLE * float(np.log(count * wires)) + float(np.log(len(CLOSER)))
-    least = np.inf
+    least, count = np.inf, len(distances_mm)
     for within in threshold_mm * np.array(CLOSER):
-        one = wires * np.pi * within**2 / table.box_mm2(scale)
-        hits = int(np.count_nonzero(settled.distances_mm[settled.labels >= 0] <= within))
-        if hits <= SAMPLE or one >= 1:
+        one = wires_per_mm2 * np.pi * within**2
+        hits = int(np.count_nonzero(distances_mm <= within))  # NaN where there is no wire
+        if hits <= used or one >= 1:
             continue
-        tail = float(bdtrc(hits - SAMPLE - 1, count - SAMPLE, one))
-        least = min(least, answers + float(np.log(max(tail, 1e-300))))
+        tail = float(bdtrc(hits - used - 1, count - used, one))
+        least = min(least, tried + float(np.log(max(tail, 1e-300))))
     return least
 
 
-def hardly_seen(table: LabelTable, settled: Settled) -> NDArray[np.int64]:
+def hardly_seen(table: LabelTable, answer: Answer) -> NDArray[np.int64]:
     """Wires of which far fewer dots are than of the others.
 
     Dots are lost of all wires alike; of a phantom whose wires are elsewhere a few are met by accident, others never.
     """
     if np.count_nonzero(np.diff(table.first)) < LEAST_SHOWN:
         return np.empty(0, dtype=np.int64)
-    hits = np.bincount(settled.labels[settled.labels >= 0], minlength=table.wires.shape[1])
+    labels = answer.settled.labels
+    hits = np.bincount(labels[labels >= 0], minlength=table.wires.shape[1])
     return np.flatnonzero(hits < HARDLY * hits.max())
 
 
-def ratio_to_shuffled(table: LabelTable, settled: Settled, threshold_mm: float) -> float:
-    """The score, over the best that is left with the wires of other frames; 0 frames to shuffle: infinite."""
-    frames = len(table.wires)
-    shifts = sorted({max(1, round(frames * share)) for share in SHUFFLES} & set(range(1, frames)))
-    scores = [
-        one.score for by in shifts for one in table.shuffled(by).settled(settled.matrix[None], threshold_mm)
-    ]
-    return settled.score / max(*scores, 1e-9) if scores else np.inf
+@dataclass(frozen=True)
+class AgainstShuffled:
+    """What an answer is worth beside those that are left with the wires of other frames; infinite without any.
+
+    Attributes:
+        ratio: its score over the best of theirs.
+        nats: how much less it costs; the middle one.
+        standard_errors: of that, by how the frames scatter.
+    """
+
+    ratio: float
+    nats: float
+    standard_errors: float
+
+    @classmethod
+    def of(
+        cls, table: LabelTable, answer: Answer, errors: FrameErrors, threshold_mm: float
+    ) -> AgainstShuffled:
+        """Of rolls by several parts of the frames."""
+        frames = len(table.wires)
+        shifts = sorted({max(1, round(frames * share)) for share in SHUFFLES} & set(range(1, frames)))
+        scores, worth = [1e-9], []
+        for by in shifts:
+            other = table.shuffled(by)
+            left = other.settled(answer.settled.matrix[None], threshold_mm)
+            for settled, each in zip(left, errors.shifted(other, left, threshold_mm), strict=True):
+                scores.append(settled.score)
+                worth.append(nats_apart(table, answer.shifted.costs, each.costs))
+        if not worth:
+            return cls(np.inf, np.inf, np.inf)
+        nats, away = np.median(worth, axis=0)
+        return cls(answer.settled.score / max(scores), float(nats), float(away))
+
+    @property
+    def tells(self) -> bool:
+        """Whether the poses matter, so that the answer is of these frames."""
+        if np.isfinite(self.standard_errors):
+            return self.nats >= NATS_OF_POSES and self.standard_errors > ERRORS_OF_POSES
+        return self.nats >= NATS_OF_FEW_POSES

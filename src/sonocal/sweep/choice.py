@@ -152,7 +152,11 @@ def calibrate_chosen(
         f"no candidate near {table.wanted}": table.shown - used,
     }
     calibration = calibration.with_findings(
-        [_report(table, used, total, reasons), *twin_findings(twin), *label_findings(labels)]
+        [
+            _report(table, used, total, reasons),
+            *twin_findings(twin),
+            *label_findings(labels, candidates.target.tolist()),
+        ]
     )
     return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
 

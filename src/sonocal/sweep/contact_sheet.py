@@ -33,8 +33,11 @@ VIEWS: dict[int, tuple[tuple[int | None, list[int]], ...]] = {
 # Words below, in the colours of what they name.
 LEGEND = (("CHOSEN", CHOSEN), ("BEST", FIRST), ("OTHERS", OTHER))
 
-Mark = tuple[Array, tuple[int, int, int]]
-"""Points (P, D) px and their colour."""
+BESIDE_PX = (5, 3)
+"""From a wire's cross, right and down, to its number."""
+
+Mark = tuple[Array, tuple[int, int, int], str]
+"""Points (P, D) px, their colour, and the number that is written beside them."""
 
 
 def contact_sheet(
@@ -45,9 +48,10 @@ def contact_sheet(
 ) -> Pixels:
     """Images spread over a recording with detections marked: orange, yellow the best, green the chosen one.
 
-    Each bears its frame's number, and a line below names the colours. A volume shows as the brightest voxels seen
-    from the front, along w, and from the side, along u, with its lines dotted. So are walls: from one of the points
-    that were fitted to another.
+    Each bears its frame's number, and a line below names the colours. Of several wires each chosen point bears its own
+    number: 1 for the first of their names, and on. A volume shows as the brightest voxels seen from the front, along
+    w, and from the side, along u, with its lines dotted. So are walls: from one of the points that were fitted to
+    another.
 
     Args:
         recording: images.
@@ -81,14 +85,23 @@ def _marks(kinds: Sequence[Detections], chosen: Observations | None, index: int)
     for detections in kinds:
         here = np.flatnonzero(detections.frame == index)
         here = here[np.argsort(-detections.rank[here], kind="stable")]
-        marks += [(detections.points_px[row], FIRST if detections.rank[row] == 0 else OTHER) for row in here]
+        marks += [
+            (detections.points_px[row], FIRST if detections.rank[row] == 0 else OTHER, "") for row in here
+        ]
     if chosen is not None:
         here = np.flatnonzero(chosen.frame == index)
-        sightings = chosen.sightings[here]
+        sightings, numbers = chosen.sightings[here], _numbers(chosen)[here]
         marks += [
-            (chosen.points_px[here[sightings == one]], CHOSEN) for one in dict.fromkeys(sightings.tolist())
+            (chosen.points_px[here[sightings == one]], CHOSEN, str(numbers[sightings == one][0]))
+            for one in dict.fromkeys(sightings.tolist())
         ]
     return marks
+
+
+def _numbers(chosen: Observations) -> NDArray[np.str_]:
+    """(N,): of each row's wire, where they are several."""
+    names, wire = np.unique(chosen.target, return_inverse=True)
+    return np.array([str(one + 1) if len(names) > 1 else "" for one in wire], dtype=np.str_)
 
 
 def _tile(recording: Recording, marks: list[Mark], index: int) -> Pixels:
@@ -124,15 +137,28 @@ def _legend(width: int) -> Pixels:
     return strip
 
 
+def _beside(view: Pixels, place: Array, number: str, colour: tuple[int, int, int]) -> None:
+    """A wire's number right below its cross, or left above where that is out of the picture."""
+    ink = written(number)
+    corner = np.rint(place).astype(int) + BESIDE_PX
+    over = corner + ink.shape[::-1] > (view.shape[1], view.shape[0])
+    corner = np.where(over, np.rint(place).astype(int) - BESIDE_PX - ink.shape[::-1], corner)
+    if (corner >= 0).all():
+        part = view[corner[1] : corner[1] + ink.shape[0], corner[0] : corner[0] + ink.shape[1]]
+        part[ink[: part.shape[0], : part.shape[1]]] = colour
+
+
 def _view(
     grey: NDArray[np.float32], marks: list[Mark], step: float, along: int | None, axes: list[int]
 ) -> Pixels:
     flat = grey if along is None else grey.max(axis=along)
     view = _small(flat.T if axes == [2, 1] else flat, step)
-    for points, colour in marks:
+    for points, colour, number in marks:
         place = points[:, axes] / step
         if len(place) == 1:
             _cross(view, place[0], colour)
+        if len(place) == 1 and number:
+            _beside(view, place[0], number, colour)
         for i in range(len(place) if len(place) > 2 else len(place) - 1):
             size = 1 if along is not None and len(place) == 2 else WALL_DOT_PX
             _dots(view, place[[i, (i + 1) % len(place)]], colour, size)

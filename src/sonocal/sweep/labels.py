@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,9 +75,24 @@ def widened_mm(labels: Association, within_mm: float) -> float:
     return float(np.clip(TIGHTNESS[2] * sigma_mm, within_mm, WIDEST * within_mm))
 
 
-def label_findings(labels: Association | None) -> Iterator[Diagnostic]:
-    """What to know of labels that are not sure."""
-    if labels is None or labels.verdict == "found":
+def label_findings(labels: Association | None, names: Sequence[str]) -> Iterator[Diagnostic]:
+    """Which wire bears which number in the contact sheet, how far the next best labels are, and where none are sure.
+
+    Args:
+        labels: None where there is nothing to label.
+        names: of the wires.
+    """
+    if labels is None:
+        return
+    numbers = ", ".join(f"{i + 1} {name}" for i, name in enumerate(sorted(set(names))))
+    yield Diagnostic(
+        code="labels-given",
+        severity="info",
+        message=f"{int(np.count_nonzero(labels.labels >= 0))} of {len(labels.labels)} candidates were labelled; "
+        f"{_next_best(labels)}; in the contact sheet: {numbers}"[:400],
+        advice="nothing, if the numbers in the contact sheet are where these wires are",
+    )
+    if labels.verdict == "found":
         return
     if labels.verdict == "ambiguous":
         rivals = ", ".join(dict.fromkeys(one.name for one in labels.rivals))
@@ -87,3 +102,16 @@ def label_findings(labels: Association | None) -> Iterator[Diagnostic]:
     yield Diagnostic(
         code=f"labels-{labels.verdict}", severity="warning", message=message[:400], advice=ADVICE
     )
+
+
+def _next_best(labels: Association) -> str:
+    """How far the next best explanation is."""
+    if labels.second is None:
+        return "no other labelling comes near"
+    one, power = labels.second, labels.second.behind_nats / np.log(10)
+    less = (
+        "as likely"
+        if power < 1
+        else f"less likely by a factor of {f'10^{power:.0f}' if power < 100 else 'over 10^100'}"
+    )
+    return f"the next best is {one.name}, up to {one.apart_mm:.0f} mm away and {less}"
