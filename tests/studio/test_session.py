@@ -46,6 +46,8 @@ def test_what_is_exported_is_what_the_command_line_writes(sweep, tmp_path, touch
         assert status == 200, content
         names = json.loads(content)["files"]
         fetched = {name: one.ask(f"/files/{name}")[2] for name in names}
+        with one.events() as later:  # every page is told
+            assert heard(later, "exported")["files"] == names
     written = {path.name: path.read_bytes() for path in (tmp_path / "studio" / "export").iterdir()}
     assert fetched == written
     points = ["--points", str(tmp_path / "studio" / "export" / "points.csv")] if touched else []

@@ -39,7 +39,9 @@ def expected_errors(calibration: Calibration, below: Array) -> str:
 
 
 def in_mm(error: float) -> str:
-    """A predicted error in words' digits: two that count below 1 mm, and never 0, which no error is known to be."""
+    """A predicted error in words' digits: two that count below 1 and from 100 mm on; never 0, which no error is."""
+    if error >= 100:
+        return f"{float(f'{error:.2g}'):.0f}"
     return f"{error:.1f}" if error >= 0.995 else f"{max(error, LEAST_MM):.2g}"
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from sonocal.errors import InputError, SonocalError
-from sonocal.studio.desk import EXPORTED, Desk
+from sonocal.studio.desk import Desk
 from sonocal.studio.images import shown_grey
 from sonocal.studio.marks import Edit
 from sonocal.studio.page_files import page_files
@@ -69,7 +69,7 @@ def application(desk: Desk, opener: Opener, uploads: Uploads) -> Starlette:
 
     def export(request: Request) -> Response:
         try:
-            return JSONResponse({"files": desk.export(), "folder": str((desk.folder / EXPORTED).resolve())})
+            return JSONResponse({"files": desk.export()})
         except SonocalError as error:
             return refused(error)
 

@@ -93,7 +93,7 @@ class Desk:
         return lambda: self._listeners.remove(listener)
 
     def export(self) -> list[str]:
-        """Write what the command line would write of the sightings as they are; returns the names of the files.
+        """Write what the command line would write of the sightings as they are; every page is told the files' names.
 
         Raises:
             SonocalError: there is no calibration, or the folder cannot be written.
@@ -106,6 +106,7 @@ class Desk:
         make_folder(self.folder / EXPORTED)
         write_into_folder(self.folder / EXPORTED, files)
         self._exported = files
+        self._tell("exported", {"files": list(files), "folder": str((self.folder / EXPORTED).resolve())})
         return list(files)
 
     def exported(self, name: str) -> bytes | None:
@@ -208,7 +209,7 @@ class Desk:
         with self._wake:
             if self._journal is not None:
                 self._journal.close()
-            for kind in ("answer", "candidates", "progress", "marks"):
+            for kind in ("answer", "candidates", "progress", "marks", "exported"):
                 self._told.pop(kind, None)
             self._work, self._journal, self._found = work, journal, {}
             self._tell("work", {"phase": "looking", **about(work), "folder": str(self.folder)})

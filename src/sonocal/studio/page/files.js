@@ -38,9 +38,7 @@ export async function take(files) {
 export async function exportAll() {
   if (!state.answer?.verdict) return;
   const answer = await fetch("/export", { method: "POST" }), told = await answer.json();
-  if (told.refused) { tell(told.refused); return; }
-  told.said = `Exported ${told.files.length} files into ${told.folder}`;
-  state.exported = told; drawnFor = ""; tell(told.said); changed("exported");
+  if (told.refused) tell(told.refused);
 }
 
 export function drawFiles() {

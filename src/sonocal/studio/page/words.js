@@ -6,11 +6,14 @@ const by = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 /** @param {string} tag @param {string} [text] @param {Node[]} [inside] */
 export function el(tag, text = "", inside = []) { const one = document.createElement(tag); one.textContent = text; one.append(...inside); return one; }
 
+/** A sentence of the terminal's letters in those of a page. @param {string} sentence */
+const typeset = (sentence) => sentence.replaceAll("+-", "\u00b1");
+
 export function drawVerdict() {
   const box = by("verdict"), answer = state.answer, refused = answer?.refused || state.work.refused;
   box.className = `verdict ${refused ? "stop" : answer?.verdict?.level || ""}`;
   if (refused) box.replaceChildren(el("strong", TITLES[refused.code || refused.kind] || "No calibration"), el("p", refused.sentence), el("p", ADVICE[refused.kind] || ""));
-  else if (answer?.verdict) box.replaceChildren(el("strong", answer.verdict.headline), el("p", answer.verdict.expectation), el("ul", "", answer.verdict.reasons.map((/** @type {string[]} */ r) => el("li", r[1]))));
+  else if (answer?.verdict) box.replaceChildren(el("strong", answer.verdict.headline), el("p", typeset(answer.verdict.expectation)), el("ul", "", answer.verdict.reasons.map((/** @type {string[]} */ r) => el("li", typeset(r[1])))));
   else box.replaceChildren(el("strong", WAITING[state.work.phase] || ""), el("p", state.progress && state.work.phase === "looking" ? `${state.progress.done} of ${state.progress.of} images looked at; the images can be looked at meanwhile.` : ""));
 }
 /** @type {Record<string, string>} */
@@ -21,7 +24,7 @@ const ADVICE = { NoConsensusError: "Click the needle in a dozen images of differ
 const WAITING = { connecting: "Connecting", empty: "Drop a recording here", opening: "Opening", looking: "Looking for the needle", ready: "Calibrating" };
 
 export function drawNumbers() {
-  const { fit, predicted } = state.answer || {}, mm = (/** @type {number | undefined} */ x) => (x === undefined ? "-" : `${x.toFixed(2)} mm`);
+  const { fit, predicted } = state.answer || {}, mm = (/** @type {number | undefined} */ x) => (x === undefined ? "-" : x < 100 ? `${x.toFixed(2)} mm` : `${Number(x.toPrecision(2))} mm`);
   const rows = [["predicted error, 95 %, worst corner", mm(predicted?.worst_mm)], ["at the centre", mm(predicted?.centre_mm)], ["rms of residuals", mm(fit?.rms_mm)], ["sightings used", fit ? `${fit.used} of ${fit.of}` : "-"]];
   by("numbers").replaceChildren(...rows.map(([name, value], i) => { const dd = el("dd", value); dd.id = `number-${i}`; if (!i) dd.className = "big"; return el("div", "", [el("dt", name), dd]); }));
   by("numbers").dataset.revision = String(state.answer?.revision ?? "");
@@ -29,9 +32,9 @@ export function drawNumbers() {
 
 export function drawFindings() {
   const refused = state.answer?.refused || state.work.refused, found = state.answer?.findings || refused?.findings || [];
-  by("findings").replaceChildren(...(found.length ? found.map((/** @type {any} */ one) => { const d = el("details", "", [el("summary", one.message), el("p", one.advice), el("p", one.code)]); d.className = one.severity; return d; }) : [el("p", "none")]));
+  by("findings").replaceChildren(...(found.length ? found.map((/** @type {any} */ one) => { const d = el("details", "", [el("summary", typeset(one.message)), el("p", one.advice), el("p", one.code)]); d.className = one.severity; return d; }) : [el("p", "none")]));
   const next = [...(state.answer?.coverage?.next || [])];
-  if (state.answer?.loosest) next.push(`Loosest is ${state.answer.loosest}.`);
+  if (state.answer?.loosest) next.push(typeset(`Loosest is ${state.answer.loosest}.`));
   by("next").replaceChildren(...(next.length ? next : ["nothing to say yet"]).map((one) => el("li", one)));
 }
 
