@@ -141,6 +141,9 @@ def target_in_words(name: str, target: FoundTarget) -> str:
     if target.said_off_mm is not None:
         turned = f" and {target.said_off_deg:.2f} deg" if target.direction is not None else ""
         text += f"; {target.said_off_mm:.2f} mm{turned} from where it was said to be"
+        if target.said_deviations is not None:
+            agrees = "agrees" if target.said_deviations < SIGNIFICANT else "disagrees"
+            text += f", which {agrees} ({target.said_deviations:.1f} standard deviations of that)"
     return text + ", 95 %)"
 
 

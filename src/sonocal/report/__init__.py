@@ -13,6 +13,7 @@ from sonocal.report.figures import (
 )
 from sonocal.report.page import report_html
 from sonocal.report.pictures import FrameImage, plot_frame
+from sonocal.report.places import plot_place
 from sonocal.report.session import Report
 from sonocal.report.views3d import plot_frames, plot_matrix, plot_needles, plot_weak_motion
 
@@ -25,6 +26,7 @@ __all__ = [
     "plot_frames",
     "plot_matrix",
     "plot_needles",
+    "plot_place",
     "plot_predicted_error",
     "plot_residuals_by_frame",
     "plot_residuals_over_image",

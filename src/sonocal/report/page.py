@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import weakest_motion
-from sonocal.report import figures, views3d
+from sonocal.report import figures, places, views3d
 from sonocal.report.page_file import page_summary
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import RC
@@ -28,6 +29,7 @@ from sonocal.validation.whole import fitted_and_held_out, fitted_rows
 
 __all__ = ["report_html"]
 
+MOST_TARGETS = 6
 # A title, the names of the numbers (mm), a place in px and the numbers there, sentences.
 Difference = tuple[str, Sequence[str], Sequence[tuple[str, Sequence[str]]], Sequence[str]]
 
@@ -69,6 +71,7 @@ def report_html(
         observations = seen_at_assumed_speed(calibration.sound, observations)
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)
+        found = _targets_drawn(calibration)
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
     made, verdict, source = now(), give_verdict(calibration, validation), _source(calibration)
     return filled(
@@ -87,6 +90,7 @@ def report_html(
         reasons=list(zip(verdict.codes, verdict.reasons, strict=True)),
         findings=_beside_the_verdict(calibration, validation),
         figures=drawn,
+        targets=found,
         pictures=pictures,
         matrix=calibration.probe_from_image.matrix,
         words=_matrix_in_words(calibration),
@@ -136,6 +140,21 @@ def _drawn(calibration: Calibration, observations: Observations | None) -> dict[
     return drawn
 
 
+def _targets_drawn(calibration: Calibration) -> list[tuple[str, str]]:
+    """Of targets that were found with the calibration: where, as inline SVG of the first ones and in words."""
+    return [
+        (_target_drawn(calibration, i, name) if i < MOST_TARGETS else "", f"{target_in_words(name, target)}.")
+        for i, (name, target) in enumerate(calibration.targets.items())
+    ]
+
+
+def _target_drawn(calibration: Calibration, number: int, name: str) -> str:
+    def draw(axis: Any) -> None:
+        places.plot_place(axis, calibration, name)
+
+    return figure_svg(f"target_{number}", (4.6, 3.0), draw)
+
+
 def _errors(calibration: Calibration) -> list[tuple[str, str, float, float]]:
     """Predicted error by place: name, pixels, rms, 95 %."""
     if calibration.covariance is None:
@@ -163,9 +182,7 @@ def _matrix_in_words(calibration: Calibration) -> list[str]:
             f"{name} ({meaning}) runs along the marker's {sign}{'xyz'[strongest]}, {angle:.0f}° off it."
         )
     words.append(f"Inside the matrix is the scale: {scale_in_words(calibration)}.")
-    targets = [f"{target_in_words(name, target)}." for name, target in calibration.targets.items()]
-    words += [*map(model_in_words, calibration.models), *filter(None, [lag_in_words(calibration)])]
-    return words + targets
+    return [*words, *map(model_in_words, calibration.models), *filter(None, [lag_in_words(calibration)])]
 
 
 def _weak_in_words(calibration: Calibration) -> str:
