@@ -52,7 +52,7 @@ ROOMS: dict[str, set[str]] = {
     },
     "simulation": {"recording", "recording.formats", "observations", "targets"},
     "export": {"existing", "calibration", "validation", "targets"},
-    "report": {"calibration", "validation", "observations", "registration"},
+    "report": {"calibration", "validation", "observations", "registration", "tools"},
     "existing": {"validation", "calibration", "setup_checks", "registration", "observations", "targets"},
     "validation": {"calibration", "setup_checks", "observations", "registration"},
     "sweep": {

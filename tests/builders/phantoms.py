@@ -2,6 +2,7 @@
 
 import numpy as np
 from benchmarks.simulators.landmark_session import EIGHT, TIP, session
+from benchmarks.simulators.tool_sessions import session as tool_session
 
 from sonocal.recording import Poses, Recording
 from sonocal.recording.formats import write_recording
@@ -20,6 +21,13 @@ def device_set(landmarks=EIGHT, tip=TIP):
         f"<PhantomDefinition><Geometry>{WIRES}<Landmarks>{places}</Landmarks></Geometry></PhantomDefinition>"
         "<!-- kept -->\r\n</PlusConfiguration>\r\n"
     )
+
+
+def write_session(folder):
+    """``session.igs.mha``: several tools, pivoted, spun, touched and moved one after the other."""
+    made = tool_session(3, touches=1)
+    poses = [Poses.of(tool, "Tracker", one) for tool, one in made.poses.items()]
+    write_recording(Recording(made.times, poses={one.name: one for one in poses}), folder / "session.igs.mha")
 
 
 def write_touches(folder):

@@ -211,6 +211,9 @@ BARE = {
     "apart",
     "apart_95",
     "said_deviations",
+    "scale_change",
+    "power_mean",
+    "power_least",
 }
 
 

@@ -16,7 +16,7 @@ __all__ = ["OVERWRITE", "reserve", "reserve_results", "write_results"]
 
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files that are there already.")
 # Options that name what is written; every other path is read.
-WRITTEN = {"output", "sheet"}
+WRITTEN = {"output", "sheet", "page", "log"}
 # What a calibration's folder holds: files of one run, which mean nothing beside those of another.
 RESULTS = ("calibration.json", "report.html", "validation.html", "observations.csv", "contact-sheet.png")
 

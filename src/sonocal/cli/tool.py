@@ -24,6 +24,7 @@ from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say, say_json
 from sonocal.cli.tips import expected_tip, place_of_tip
 from sonocal.cli.told import ACCEPT_UNITS, refuse_units
+from sonocal.cli.tool_session import OF_SESSIONS, read_session
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
             *("tool_name", "spin", "second", "frames", "spin_frames", "second_frames", "reference"),
             *("angles", "markers", "on_invalid"),
         ),
+        "A long recording": ("session", *OF_SESSIONS),
         "A phantom's place": ("landmarks", *OF_LANDMARKS),
         "What is known of the tool": ("length_mm", "stylus", "stylus_tip", "expected", "accept_units"),
         "What is written and shown": ("output", "name", "seed", "overwrite", "as_json"),
@@ -80,6 +82,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
         "sonocal tool pivot.igs.mha --spin spin.igs.mha --tool Needle -o found.toml",
         "sonocal tool touch.igs.mha --frames 0:60 --second-frames 70:139 --tool Needle --stylus Stylus "
         "--stylus-tip stylus.toml -o touched.toml",
+        "sonocal tool session.igs.mha --session --page session.html -o found.toml",
         "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml",
     ),
 )
@@ -114,6 +117,12 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 )
 @click.option("--reference", help="Marker that the divot is fixed to.  [default: the tracker]")
 @click.option(
+    "--session",
+    is_flag=True,
+    help="RECORDING is long and of any tools: find pivots, spins, touches and stillness in it.",
+)
+@click.option("--page", type=WRITTEN, help="Page (.html) with the time line of --session.")
+@click.option(
     "--landmarks",
     type=FILE,
     help="A phantom, PLUS's (.xml) or ours (.toml with a [[point]] each), whose landmarks RECORDING's stylus touches.",
@@ -135,6 +144,7 @@ def tool(
     *,
     output: Path | None,
     landmarks: Path | None,
+    session: bool,
     expected: tuple[float, ...] | Path | None,
     overwrite: bool,
     accept_units: bool,
@@ -149,6 +159,7 @@ def tool(
     RECORDING --spin SPIN              both: the needle, from its tip
     RECORDING --second OTHER           two pivots: the needle through both points
     RECORDING --second OTHER --stylus  two touches with a calibrated stylus
+    RECORDING --session                a long recording of any tools: what each did, its tip and its needle
     RECORDING --landmarks PHANTOM      a phantom's place: its landmarks touched with a stylus, in any order
 
     A needle is written as a [[line]], which "sonocal calibrate --lines" reads; a tip alone as a [[point]].
@@ -163,6 +174,13 @@ def tool(
         tool_toml,
     )
 
+    if session:
+        _refuse_half_a_stylus(options)
+        options |= {"accept_units": accept_units}
+        read_session(_touched(recording, options), output, options, as_json=as_json)
+        return
+    if (page := options.pop("page")) is not None:
+        raise click.UsageError(f"--page {page} is for --session, which is missing")
     if landmarks is not None:
         options |= {"expected": expected, "accept_units": accept_units}
         place_phantom(_touched(recording, options), landmarks, output, options, as_json=as_json)

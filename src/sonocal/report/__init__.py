@@ -15,6 +15,7 @@ from sonocal.report.page import report_html
 from sonocal.report.pictures import FrameImage, plot_frame
 from sonocal.report.places import plot_place
 from sonocal.report.session import Report
+from sonocal.report.tool_sessions import plot_tool_session, tool_session_html
 from sonocal.report.views3d import plot_frames, plot_matrix, plot_needles, plot_weak_motion
 
 __all__ = [
@@ -31,6 +32,8 @@ __all__ = [
     "plot_residuals_by_frame",
     "plot_residuals_over_image",
     "plot_tilts",
+    "plot_tool_session",
     "plot_weak_motion",
     "report_html",
+    "tool_session_html",
 ]

@@ -20,7 +20,9 @@ from sonocal.tools.needle import (
 )
 from sonocal.tools.pivot import PivotCalibration, calibrate_pivot
 from sonocal.tools.rests import Rest
+from sonocal.tools.session import ToolSession, find_tool_session
 from sonocal.tools.spin import SpinCalibration, calibrate_spin
+from sonocal.tools.stretches import Stretch, find_stretches
 
 __all__ = [
     "DigitisedPoint",
@@ -30,13 +32,17 @@ __all__ = [
     "PivotCalibration",
     "Rest",
     "SpinCalibration",
+    "Stretch",
     "Stylus",
     "TargetError",
     "ToolCalibration",
+    "ToolSession",
     "calibrate_pivot",
     "calibrate_spin",
     "calibrate_tool",
     "digitise_point",
+    "find_stretches",
+    "find_tool_session",
     "needle_from_axis",
     "needle_from_points",
     "needle_from_spin",

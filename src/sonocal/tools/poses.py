@@ -21,6 +21,7 @@ __all__ = [
     "refuse_little_tilt",
     "refuse_still",
     "rotation_spread_deg",
+    "turns_deg",
 ]
 
 LEAST_POSES = 10
@@ -99,6 +100,15 @@ def rotation_spread_deg(rotations: Array) -> float:
     smallest eigenvalue of ``I - M^T M``, M the mean rotation: what the poses tell of the tip.
     """
     return float(np.degrees(np.sqrt(_tip_information(rotations)[0][0])))
+
+
+def turns_deg(rotations: Array) -> tuple[float, float, float]:
+    """Rms angles, degrees, by which directions of the tool moved: that which moved least, a middle one, the most.
+
+    All are next to nothing of a tool at rest; the first alone of one that turned about a single axis.
+    """
+    least, middle, most = np.degrees(np.sqrt(_tip_information(rotations)[0]))
+    return float(least), float(middle), float(most)
 
 
 def refuse_still(rotations: Array, source: str) -> None:
