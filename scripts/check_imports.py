@@ -18,6 +18,7 @@ ROOMS: dict[str, set[str]] = {
     "__main__": {"cli"},
     "cli": ALL,
     "cli.screen": ALL - {"cli"},
+    "live": {"igtl", "sweep", "detection", "recording", "validation"},
     "igtl": {"_core"},
     "studio": {
         "sweep",

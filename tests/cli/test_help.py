@@ -13,9 +13,11 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from sonocal import studio
+import sonocal as sc
+from sonocal import igtl, live, studio
 from sonocal.cli.help import COMPLETION, Command
 from sonocal.cli.main import main
+from tests.builders.live import served
 from tests.builders.pages import copy_of, write_files
 
 WIDTHS = (40, 80, 200)
@@ -25,6 +27,8 @@ FEWER = {
     "study needles": ["--trials", "3", "-o", "few"],
     "study needles --trials 100 -o quick": ["--trials", "3"],
     "simulate -o simulated": ["--frames", "12"],
+    "live --connect localhost:18944 --lines needle.toml": ["--images", "60"],
+    "live --connect localhost:18944 --lines needle.toml --until 0.5mm -o today": ["--images", "60"],
     "simulate --probe linear --look bath --frames 200 -o in-water": ["--frames", "12"],
     "simulate --latency 0.08 --dropouts 0.1 -o with-faults": ["--frames", "12"],
 }
@@ -110,6 +114,21 @@ def not_for_ever(folder, opener, first=(), *, host, port, ready):
     folder.mkdir(parents=True)
 
 
+@pytest.fixture
+def there(files, request, monkeypatch):
+    """A server wherever a line of ``live`` connects; and a ``replay`` that waits for nobody: tests/live has both."""
+    line = request.getfixturevalue("line")
+    if line.startswith("sonocal replay"):
+        monkeypatch.setattr(live.Replay, "run", lambda *_, **__: 0)
+    if not line.startswith("sonocal live"):
+        yield
+        return
+    with served(sc.read_recording(files / "sweep.igs.mha")) as port:
+        monkeypatch.setattr(igtl, "address", lambda _: ("127.0.0.1", port))
+        yield
+
+
+@pytest.mark.usefixtures("there")
 @pytest.mark.parametrize("line", [line for name in COMMANDS for line in main.commands[name].examples])
 def test_every_example_runs(line, files, tmp_path, monkeypatch):
     monkeypatch.chdir(copy_of(files, tmp_path))

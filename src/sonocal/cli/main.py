@@ -17,8 +17,10 @@ from sonocal.cli.detection import COMMANDS
 from sonocal.cli.export import export
 from sonocal.cli.help import Commands
 from sonocal.cli.info import info
+from sonocal.cli.live import live
 from sonocal.cli.piped import without_spool
 from sonocal.cli.reconstruct import reconstruct
+from sonocal.cli.replay import replay
 from sonocal.cli.sample import sample
 from sonocal.cli.screen.plain import harmless
 from sonocal.cli.studio import studio
@@ -71,6 +73,8 @@ for _command in (
     calibrate,
     *COMMANDS,
     tool,
+    live,
+    replay,
     studio,
     validate,
     study,

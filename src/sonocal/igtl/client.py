@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -51,13 +52,21 @@ class Client:
     """
 
     def __init__(
-        self, host: str, port: int, *, most: int = MOST_HELD, most_bytes: int = MOST_HELD_BYTES
+        self,
+        host: str,
+        port: int,
+        *,
+        greeting: Sequence[Message] = (),
+        most: int = MOST_HELD,
+        most_bytes: int = MOST_HELD_BYTES,
     ) -> None:
         """Connect.
 
         Args:
             host: name or number of the server's machine.
             port: of the server.
+            greeting: what is sent first, whenever it is connected to: such as one message of version 2, behind which
+                PLUS answers in that.
             most: how many messages are kept that nobody takes.
             most_bytes: the same in bytes.
 
@@ -66,6 +75,7 @@ class Client:
         """
         self.received = self.damaged = 0
         self._address, self._peer = (host, port), f"{host}:{port}"
+        self._greeting = [encode(message) for message in greeting]
         self._box: Mailbox[Message] = Mailbox(most, most_bytes)
         self._said: deque[str] = deque(maxlen=MOST_SAID)
         self._closing = threading.Event()
@@ -138,7 +148,11 @@ class Client:
             raise InputError(
                 f"{self._peer}: no OpenIGTLink server answers there ({reason}); start it, or check the address"
             ) from error
-        return Stream(connection, self._peer)
+        stream = Stream(connection, self._peer)
+        with contextlib.suppress(InputError):  # whoever receives says that it ended
+            for pieces in self._greeting:
+                stream.send(pieces)
+        return stream
 
     def _run(self) -> None:
         while not self._closing.is_set():

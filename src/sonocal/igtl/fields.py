@@ -49,7 +49,8 @@ def take(form: str, body: Bytes, where: str, at: int = 0) -> tuple[Any, ...]:
 
 def floats(body: Bytes, count: int, at: int = 0) -> NDArray[np.float64]:
     """Numbers of four bytes each."""
-    return np.frombuffer(body, ">f4", count, at).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # some bits that are no number ring a bell where they are made longer
+        return np.frombuffer(body, ">f4", count, at).astype(np.float64)
 
 
 def name_of(field: Bytes) -> str:

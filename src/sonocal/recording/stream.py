@@ -1,12 +1,14 @@
-"""A recording that grows an item at a time: images wait in a file of this process, so that memory is bounded."""
+"""A recording that grows an item at a time: images wait in a file, so that memory is bounded."""
 
 from __future__ import annotations
 
 import tempfile
 import threading
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,15 +43,18 @@ class Item:
 
 
 class RecordingStream:
-    """Items one after the other, seen as a recording whenever one asks.
+    """Items one after the other, seen as a recording whenever one asks; one thread may add while others ask.
 
     Args:
         name: what messages call it.
         form: where it comes from, in words.
+        images: a new file that keeps the images, one after the other; without one they go with the process.
     """
 
-    def __init__(self, name: str = "live", form: str = "memory") -> None:
-        self._provenance = Provenance(name, form)
+    def __init__(self, name: str = "live", form: str = "memory", images: Path | None = None) -> None:
+        self._provenance = Provenance(name, form, () if images is None else (str(images),))
+        self._images = images
+        self._lock = threading.Lock()
         self._times: list[float] = []
         self._poses: dict[tuple[str, str], dict[int, Array]] = {}
         self._stored: list[int] = []
@@ -78,11 +83,30 @@ class RecordingStream:
                 raise InputError(f"{where}: {source}To{target} must have shape (4, 4); got {pose.shape}")
         if item.image is not None:
             self._store(item.image, where)
-        for key in item.poses:
-            self._poses.setdefault(key, {})
-        for key, pose in poses.items():
-            self._poses[key][len(self)] = pose
-        self._times.append(float(item.time_s))
+        with self._lock:
+            for key in item.poses:
+                self._poses.setdefault(key, {})
+            for key, pose in poses.items():
+                self._poses[key][len(self)] = pose
+            if item.image is not None:
+                self._stored.append(len(self))
+            self._times.append(float(item.time_s))
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return self._provenance.name
+
+    @property
+    def stored(self) -> int:
+        """How many items have an image."""
+        return len(self._stored)
+
+    def image(self, number: int) -> tuple[int, Image]:
+        """Of the items that have an image, the index of one and its image."""
+        assert self._spool is not None
+        index, spool = self._stored[number], self._spool
+        return index, as_frame(self.name, index, spool.read(index), spool.shape, spool.dtype)
 
     def recording(self) -> Recording:
         """All items so far; those that come later do not change it.
@@ -90,22 +114,18 @@ class RecordingStream:
         Raises:
             InputError: two tools' names differ in spelling alone.
         """
-        count, frames = len(self), no_frames()
-        valid = np.zeros(count, dtype=bool)
-        image = None
-        if self._spool is not None:
+        with self._lock:
+            times, count = np.array(self._times), len(self)
+            poses = [_column(*names, count, found) for names, found in self._poses.items()]
+            valid = np.zeros(count, dtype=bool)
             valid[self._stored] = True
-            frames = _Spooled(self._spool, count, self._stored)
+        frames, image = no_frames(), None
+        if valid.any():
+            assert self._spool is not None
+            frames = _Spooled(self._spool, valid)
             image = ImageGeometry.of(frames, len(self._spool.shape), "MF")
-        poses = [_column(source, target, count, found) for (source, target), found in self._poses.items()]
-        return Recording(
-            np.array(self._times),
-            frames,
-            by_name(poses, self._provenance.name),
-            image,
-            valid,
-            provenance=self._provenance,
-        )
+        by = by_name(poses, self._provenance.name)
+        return Recording(times, frames, by, image, valid, provenance=self._provenance)
 
     def close(self) -> None:
         """Give the images' room back: recordings of the stream cannot be read any more."""
@@ -117,55 +137,74 @@ class RecordingStream:
             check_frame_size(where, image.shape, image.dtype)
             if image.ndim not in (2, 3):
                 raise InputError(f"{where}: an image must be (rows, columns) or a volume; got {image.shape}")
-            self._spool = _Spool(image)
+            self._spool = _Spool(image, self._images)
         if (image.shape, image.dtype) != (self._spool.shape, self._spool.dtype):
             raise InputError(
                 f"{where}: its image is {image.shape} {image.dtype} where those before were {self._spool.shape} "
                 f"{self._spool.dtype}; leave the scanner's depth and format as they are, or begin again"
             )
-        self._spool.add(image)
-        self._stored.append(len(self))
+        self._spool.add(len(self), image)
 
 
 class _Spool:
-    """Images of one shape in a file without a name, which goes with the process."""
+    """Images of one shape in a file, each at its item's place; what lies between is a hole, and reads as black."""
 
-    def __init__(self, first: NDArray[Any]) -> None:
+    def __init__(self, first: NDArray[Any], path: Path | None) -> None:
         self.shape, self.dtype, self._bytes = first.shape, first.dtype, first.nbytes
-        self._file = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the stream, or with the last that reads it
+        # Closed with the stream, or with the last that reads it; unbuffered: what was written outlives the process.
+        if path is None:
+            self._file: Any = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
+        else:
+            with _kept(path):
+                self._file = path.open("x+b", buffering=0)
         weakref.finalize(self, self._file.close)
         self._lock = threading.Lock()
 
-    def add(self, image: NDArray[Any]) -> None:
-        with self._lock:
-            self._file.seek(0, 2)
-            self._file.write(np.ascontiguousarray(image).data)
+    def add(self, index: int, image: NDArray[Any]) -> None:
+        left = np.ascontiguousarray(image).reshape(-1).view(np.uint8).data
+        with self._lock, _kept(self._file.name):
+            self._file.seek(index * self._bytes)
+            while left:
+                left = left[self._file.write(left) :]
 
     def read(self, index: int) -> bytes:
+        pieces, missing = [], self._bytes
         with self._lock:
             self._file.seek(index * self._bytes)
-            return self._file.read(self._bytes)
+            while missing and (piece := self._file.read(missing)):
+                pieces.append(piece)
+                missing -= len(piece)
+        return b"".join(pieces)
 
     def close(self) -> None:
         self._file.close()
 
 
 class _Spooled(Frames):
-    """The images of the first `count` items; black where an item has none, which is marked invalid."""
+    """The images of the first items (N,); black where an item has none, which is marked invalid."""
 
-    def __init__(self, spool: _Spool, count: int, stored: list[int]) -> None:
-        self._spool, self._count = spool, count
-        self._place = {item: place for place, item in enumerate(stored)}
+    def __init__(self, spool: _Spool, valid: NDArray[np.bool_]) -> None:
+        self._spool, self._valid = spool, valid
         self.shape, self.dtype = spool.shape, spool.dtype
 
     def __len__(self) -> int:
-        return self._count
+        return len(self._valid)
 
     def read(self, index: int) -> Image:
         """Image `index`."""
-        if index not in self._place:
+        if not self._valid[index]:
             return np.zeros(self.shape, self.dtype)
-        return as_frame("live", index, self._spool.read(self._place[index]), self.shape, self.dtype)
+        return as_frame("live", index, self._spool.read(index), self.shape, self.dtype)
+
+
+@contextmanager
+def _kept(name: object) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{name}: an image cannot be written ({error.strerror}); make room, or write elsewhere"
+        ) from None
 
 
 def _column(source: str, target: str, count: int, found: Mapping[int, Array]) -> Poses:

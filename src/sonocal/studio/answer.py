@@ -15,8 +15,8 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places, homogeneous_points, needle_in_image, segment_directions
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import radius_95, weakest_motion
-from sonocal.studio.coverage import coverage_of
 from sonocal.validation import cannot_show, give_verdict
+from sonocal.validation.coverage import coverage_of
 
 __all__ = ["answer_of", "crossings", "numbers"]
 

@@ -17,7 +17,13 @@ from sonocal.files import beside, file_beside, file_size
 from sonocal.files.kinds import Format, Head
 from sonocal.recording.formats.parts.inflate import ZLIB, InflatedFrames
 from sonocal.recording.formats.parts.layout import Layout, assemble, check_sizes
-from sonocal.recording.formats.parts.metaio_header import ELEMENT_TYPES, STRUCTURE, Header, read_header
+from sonocal.recording.formats.parts.metaio_header import (
+    ELEMENT_TYPES,
+    GROWN,
+    STRUCTURE,
+    Header,
+    read_header,
+)
 from sonocal.recording.formats.parts.metaio_write import write_metaio
 from sonocal.recording.formats.parts.written import METAIO_GEOMETRY
 from sonocal.recording.frames import Frames, RawFrames, no_frames
@@ -147,7 +153,9 @@ def _frames(header: Header, layout: Layout, path: Path, offset: int) -> Frames:
     if header.fields.get("BinaryData", "True")[:1] not in ("T", "t", "1"):
         raise UnsupportedError(f"{header.name}: holds pixels as text; convert it to a binary .mha")
     if not header.true("CompressedData"):
-        return RawFrames(path, offset, layout.count, layout.shape, layout.dtype)
+        # A recorder that was killed may have written an image that its header does not count yet.
+        exactly = not header.true(GROWN)
+        return RawFrames(path, offset, layout.count, layout.shape, layout.dtype, exactly=exactly)
     length = (*header.whole("CompressedDataSize"), None)[0]
     return InflatedFrames(path, offset, length, layout.count, layout.shape, layout.dtype, ZLIB)
 

@@ -11,7 +11,7 @@ from sonocal.files import reading
 from sonocal.recording.formats.parts.header_lines import HeaderLines
 from sonocal.recording.formats.parts.sequence_fields import ItemFields
 
-__all__ = ["ELEMENT_TYPES", "FIELD", "STRUCTURE", "Header", "read_header"]
+__all__ = ["ELEMENT_TYPES", "FIELD", "GROWN", "STRUCTURE", "Header", "read_header"]
 
 ELEMENT_TYPES = {
     "MET_UCHAR": "u1",
@@ -25,6 +25,8 @@ ELEMENT_TYPES = {
     "MET_FLOAT": "f4",
     "MET_DOUBLE": "f8",
 }
+GROWN = "WrittenAsItCame"
+"""Says that images were written one after the other while the header grew."""
 # What the format itself defines; the writer states it anew, everything else is kept as it came.
 STRUCTURE = (
     "ObjectType",
@@ -41,6 +43,7 @@ STRUCTURE = (
     "Kinds",
     "UltrasoundImageOrientation",
     "ElementDataFile",
+    GROWN,
 )
 KEY = re.compile(r"[A-Za-z_][\w .\-]*")
 # Of the header itself: not of an item, and no blank at its end, which readers drop.

@@ -23,7 +23,7 @@ from sonocal.recording.formats.parts.written import (
 )
 from sonocal.recording.model import Recording
 
-__all__ = ["write_metaio"]
+__all__ = ["element_type", "write_metaio"]
 
 # Room for the size of the compressed pixels, which is known only after the header is written.
 SIZE_DIGITS = 20
@@ -95,11 +95,16 @@ def _structure(recording: Recording, compress: bool) -> dict[str, str]:
         "DimSize": " ".join(map(str, dims)),
         "Kinds": " ".join(kinds),
         "ElementNumberOfChannels": str(1 if image is None else image.channels),
-        "ElementType": "MET_OTHER" if image is None else _element_type(recording.name, np.dtype(image.dtype)),
+        "ElementType": "MET_OTHER" if image is None else element_type(recording.name, np.dtype(image.dtype)),
     }
 
 
-def _element_type(name: str, dtype: np.dtype[Any]) -> str:
+def element_type(name: str, dtype: np.dtype[Any]) -> str:
+    """What MetaIO calls a type of pixels.
+
+    Raises:
+        UnsupportedError: it has no word for it.
+    """
     for element, code in ELEMENT_TYPES.items():
         if np.dtype(code) == dtype:
             return element

@@ -1,0 +1,251 @@
+"""``sonocal live``: calibrate while one scans."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sonocal.cli.help import command
+from sonocal.cli.live_end import calibrated
+from sonocal.cli.options import (
+    CENTRE,
+    COUNT,
+    FILE,
+    INVALID,
+    JSON,
+    LATENCY_OR_ESTIMATE,
+    NO_REPORT,
+    PROBE,
+    SCANNER,
+    given,
+    output_folder,
+    typed,
+)
+from sonocal.cli.outputs import OVERWRITE, reserve, reserve_results
+from sonocal.cli.reading import ESTIMATE
+from sonocal.cli.screen.plain import say
+from sonocal.errors import UnsupportedError
+
+if TYPE_CHECKING:
+    from sonocal.live import Live, State
+    from sonocal.sweep import Session
+
+__all__ = ["live"]
+
+RECORDING, IMAGES = "recording.mhd", "recording.raw"
+PER_S, LINE_EACH_S = 30.0, 1.0
+KEYS = frozenset("qQ\r\n ")
+
+
+class Millimetres(click.ParamType[float]):
+    """A length such as 0.5mm or 0.5."""
+
+    name = "MM"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number."""
+        try:
+            number = float(str(value).strip().removesuffix("mm"))
+        except ValueError:
+            number = 0.0
+        if not 0 < number < float("inf"):
+            self.fail(f"{value!r} is not a length such as 0.5mm", param, ctx)
+        return number
+
+
+@command(
+    "Calibrate while scanning, from an OpenIGTLink server such as PLUS.",
+    groups={
+        "What is read": ("connect", "lines", "image", "probe", "latency_s", "on_invalid"),
+        "How the needle is found in images": ("count", "centre"),
+        "When it ends": ("until_mm", "most_images", "seconds"),
+        "What is known of the set-up": ("scanner_mm_per_px",),
+        "What is written and shown": ("output", "tolerance_mm", "report", "overwrite", "as_json"),
+    },
+    examples=(
+        "sonocal live --connect localhost:18944 --lines needle.toml",
+        "sonocal live --connect localhost:18944 --lines needle.toml --until 0.5mm -o today",
+        "sonocal live --connect 192.168.0.7 --lines needle.toml --images 60 --no-report --json -o quick",
+    ),
+)
+@click.option(
+    "--connect",
+    required=True,
+    metavar="HOST[:PORT]",
+    help="Where the server listens; port 18944 unless said.",
+)
+@click.option(
+    "--lines",
+    "--targets",
+    "lines",
+    type=FILE,
+    required=True,
+    help="The needle or wires: needle.toml or a PLUS device set (XML).",
+)
+@click.option(
+    "--image", default="", metavar="NAME", help="Whose images to take.  [default: the first that come]"
+)
+@PROBE
+@LATENCY_OR_ESTIMATE
+@INVALID
+@COUNT
+@CENTRE
+@click.option(
+    "--until",
+    "until_mm",
+    type=Millimetres(),
+    help="End once the predicted error (95 %) is below this everywhere in the image.  [default: a key or ctrl-C ends]",
+)
+@click.option("--images", "most_images", type=click.IntRange(1), help="End behind so many images.")
+@click.option(
+    "--seconds", type=click.FloatRange(0, min_open=True), help="End after so long.  [default: never]"
+)
+@SCANNER
+@output_folder("live", "the recording, as it comes, and what is calibrated of it")
+@click.option(
+    "--tolerance-mm",
+    type=float,
+    default=2.0,
+    show_default=True,
+    help="Warn where the predicted error (95 %) at a corner of the image, or of the area seen, exceeds this.",
+)
+@NO_REPORT
+@OVERWRITE
+@JSON
+def live(
+    output: Path,
+    *,
+    connect: str,
+    lines: Path,
+    image: str,
+    until_mm: float | None,
+    most_images: int | None,
+    seconds: float | None,
+    **options: Any,
+) -> None:
+    """Calibrate while scanning: move the needle through the image, and be told how good it is already.
+
+    Images and poses come from an OpenIGTLink server: PLUS, 3D Slicer, a scanner's toolkit, or "sonocal replay". What
+    arrives is in OUTPUT/recording.mhd as soon as it is there, whatever happens then. Poses that are not rigid are left
+    out unless --on-invalid says otherwise.
+
+    At the end, by itself with --until, or with a key, OUTPUT gets what "sonocal calibrate OUTPUT/recording.mhd" makes
+    of the recording: calibration.json, observations.csv, the contact sheet and the report.
+
+    A server that goes is waited for; what goes wrong is said, and the session goes on.
+    """
+    from sonocal import igtl
+    from sonocal.live import GREETING, Live, Pairing
+
+    host, port = igtl.address(connect)
+    if not typed(("on_invalid",)):
+        options["on_invalid"] = "skip"
+    session = _session(lines, options)
+    names = (
+        "calibration.json",
+        "observations.csv",
+        "contact-sheet.png",
+        *(["report.html"] * options["report"]),
+    )
+    reserve(output / RECORDING, output / IMAGES)
+    reserve_results(output, names)
+    told_s = 0.0 if options["latency_s"] == ESTIMATE else options["latency_s"]
+    with ExitStack() as stack:
+        client = stack.enter_context(igtl.Client(host, port, greeting=GREETING))
+        _keep_in(session, output)
+        stack.callback(session.close)
+        pairing = Pairing(image, told_s)
+        running = stack.enter_context(
+            Live(client, session, pairing=pairing, until_mm=until_mm, most_images=most_images)
+        )
+        _follow(running, until_mm, seconds)
+        client.close()
+        calibrated(running, output, lines, options, RECORDING)
+
+
+def _session(lines: Path, options: dict[str, Any]) -> Session:
+    from sonocal.cli.formats import targets_in
+    from sonocal.sweep import Session
+    from sonocal.targets import Line
+
+    known, fixed = targets_in(lines)
+    needles = [one for one in known if isinstance(one, Line)]
+    if len(needles) < len(known):
+        raise UnsupportedError(
+            f"{lines.name}: holds more than needles and wires, and sonocal live follows these alone; record, and name "
+            "it to sonocal calibrate"
+        )
+    estimated = options["latency_s"] == ESTIMATE
+    how = {name: options[name] for name in ("probe", "on_invalid", "scanner_mm_per_px", "tolerance_mm")}
+    how |= given(("count", "centre"), options) | ({"latency": ESTIMATE} if estimated else {})
+    return Session(needles, fixed=fixed, **how)
+
+
+def _keep_in(session: Session, output: Path) -> None:
+    """Let what comes be kept in files of a folder."""
+    from sonocal.files import make_folder, remove
+    from sonocal.recording.formats.growing import GrowingSequence
+
+    make_folder(output)
+    for name in (RECORDING, IMAGES):  # reserve() asked
+        if (output / name).exists():
+            remove(output / name)
+    session.stream = GrowingSequence(output / RECORDING)
+
+
+def _follow(running: Live, until_mm: float | None, seconds: float | None) -> None:
+    """Show it until it ends: by itself, after some time, by a key or ctrl-C."""
+    from sonocal.cli.screen.keys import keys
+
+    end_s = float("inf") if seconds is None else time.monotonic() + seconds
+    try:
+        with _shown(until_mm) as show, keys() as pressed:
+            while not running.wait(1.0 / PER_S):
+                show(running.state)
+                if KEYS & set(pressed()):
+                    running.stop("a key was pressed")
+                elif time.monotonic() > end_s:
+                    running.stop(f"{seconds:g} s are over")
+            show(running.state)
+    except KeyboardInterrupt:
+        running.stop("interrupted")
+    say(f"Ends: {running.state.ended}; calibrates {running.state.recorded} images", err=True)
+
+
+@contextmanager
+def _shown(until_mm: float | None) -> Iterator[Any]:
+    """A screen on a terminal; where there is none, a line now and then, and each sentence once; on stderr."""
+    from rich.live import Live as Screen
+
+    from sonocal.cli.screen.live import line_of, screen_of
+    from sonocal.cli.screen.terminal import Terminal
+
+    errors = Terminal(stderr=True, highlight=False)
+    if not errors.is_terminal or errors.is_dumb_terminal:
+        yield _Lines(line_of)
+        return
+    with Screen(console=errors, auto_refresh=False, transient=False) as screen:
+        yield lambda state: screen.update(screen_of(state, until_mm=until_mm), refresh=True)
+
+
+class _Lines:
+    """Prints a moment as a line, each second, and what went wrong when it did."""
+
+    def __init__(self, line_of: Any) -> None:
+        self._line_of, self._next_s, self._said = line_of, 0.0, (-1.0, "")
+        self._news: tuple[Any, ...] = ()
+
+    def __call__(self, state: State) -> None:
+        for at_s, sentence in state.said:
+            if (at_s, sentence) > self._said:
+                self._said = (at_s, sentence)
+                say(f"{at_s:6.1f} s: {sentence}", err=True)
+        news = (state.images, state.looked, state.fits, state.ended)
+        if (state.elapsed_s >= self._next_s and news != self._news) or state.ended:
+            self._next_s, self._news = state.elapsed_s + LINE_EACH_S, news
+            say(self._line_of(state), err=True)
