@@ -110,6 +110,7 @@ def shown(tmp_path_factory):
         ),
         "server": server,
         "client": client,
+        "server of PLUS": sc.igtl.PlusServer(client, LONG),
         "growing": sc.recording.RecordingStream(LONG),
         "session": sc.sweep.Session([NEEDLE], name=LONG),
         "store": Store(folder, load_study("needles"), "0"),

@@ -2,6 +2,8 @@
 
 from sonocal.sweep.calibrate import Sweep, calibrate_points
 from sonocal.sweep.choice import CandidateCalibration, calibrate_candidates
+from sonocal.sweep.guidance import Reach, first_holds, holds_met, next_holds
+from sonocal.sweep.hold import Hold, held
 from sonocal.sweep.options import Options, PointsOptions
 from sonocal.sweep.recordings import calibrate_recording, sweep_of
 from sonocal.sweep.session import Session
@@ -11,9 +13,11 @@ from sonocal.sweep.unplaced_sweep import UnplacedSweep
 
 __all__ = [
     "CandidateCalibration",
+    "Hold",
     "Options",
     "PointsOptions",
     "Posing",
+    "Reach",
     "Session",
     "Sightings",
     "Sweep",
@@ -22,6 +26,10 @@ __all__ = [
     "calibrate_candidates",
     "calibrate_points",
     "calibrate_recording",
+    "first_holds",
+    "held",
+    "holds_met",
+    "next_holds",
     "sweep_of",
     "tabulate",
 ]
