@@ -212,7 +212,7 @@ def _recorded(found: Calibration, sweep: Path, lines: Path, recorded: dict[str, 
     if found.model == "rigid":
         options["scale_mm_per_px"] = found.options.scale_mm_per_px
     read = given_recording(sweep, lines, how, options)
-    seeing = sweep_of(read.recording, read.sought, **read.looking)
+    seeing = sweep_of(read.recording, read.targets, **read.looking)
     with progress("detecting") as shown:
         seen = seeing.detect(shown)
     try:
