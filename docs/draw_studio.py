@@ -42,10 +42,15 @@ def blank(sweep: SimulatedSweep) -> Recording:
     return replace(sweep.recording, frames=ArrayFrames(np.zeros((len(sweep.recording), 400, 400), np.uint8)))
 
 
-def one_direction(sweep: SimulatedSweep) -> Recording:
+def one_direction(sweep: SimulatedSweep, count: int = 25) -> Recording:
     """Images in which the needle points nearly one way."""
     along = sweep.recording.between("Probe", "Needle").matrices[:, :3, 2]
-    return sweep.recording.select(np.sort(np.argsort(-(along @ along[0]))[:25]))
+    return sweep.recording.select(np.sort(np.argsort(-(along @ along[0]))[:count]))
+
+
+def one_pose(sweep: SimulatedSweep) -> Recording:
+    """Images in which it hardly moves."""
+    return one_direction(sweep, 6)
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,8 @@ STATES = (
     State("looking", answered=False),
     State("too-few", few),
     State("no-needle", blank),
-    State("degenerate", one_direction),
+    State("warned", one_direction),
+    State("degenerate", one_pose),
 )
 
 
