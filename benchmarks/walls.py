@@ -1,6 +1,6 @@
 """What walls, cross-wires and wires are worth beside a needle, from images to an answer; and what odd tanks are told.
 
-python -m benchmarks.walls [--seeds 20] [--first 1000] [--only scenes detection odd] [--write docs/detection.md]
+python -m benchmarks.walls [--seeds 20] [--first 1000] [--only scenes slices detection odd] [--write docs/detection.md]
 
 Images are those of `simulators.tank_images`, which shares nothing with the detector nor with sonocal's simulation: 30 a
 scan, of 300 x 300 px and 0.36 mm, a tenth of them without what is scanned, two other bright things in each; markers are
@@ -56,6 +56,10 @@ PICTURES: dict[str, tuple[Tank, Probe]] = {
     "a slice of 4 mm": (Tank(slice_mm=4.0), Probe()),
     "no wall": (Tank(rough=0.0, behind=0.0, gain=0.5), Probe()),
 }
+SLICES_MM = (0.6, 1.2, 2.4)
+"""Standard deviations of a slice's thickness."""
+WIRES = {"count": 15}
+"""How nine wires are looked for."""
 FAR_OFF = 3.0
 """Times the predicted error: an answer that is so far off without a warning is confidently wrong."""
 
@@ -115,9 +119,25 @@ def scenes(seeds: Iterable[int]) -> Iterator[tuple[str, str]]:
     )
     yield "walls", "|---|---|---|---|---|---|---|"
     for scene, name in SCENES.items():
-        options = {"count": 15} if scene == "wires" else {}
+        options = WIRES if scene == "wires" else {}
         trials = [trial(tank_scan(seed, scene), probe, **options) for seed in seeds]
         yield "walls", _of_scene(name, [one for one in trials if one is not None], len(seeds))
+
+
+def slices(seeds: Iterable[int]) -> Iterator[tuple[str, str]]:
+    """Of calibrations by nine wires: slices of several thicknesses by turns."""
+    seeds, probe = list(seeds), Probe()
+    yield (
+        "slices",
+        f"| nine wires, {len(seeds)} seeds; the slice's | rms error, mm | worst seed | predicted (95 %), mm | within "
+        "it | refused | time, s |",
+    )
+    yield "slices", "|---|---|---|---|---|---|---|"
+    for slice_mm in SLICES_MM:
+        tank = Tank(slice_mm=slice_mm)
+        trials = [trial(tank_scan(seed, "wires", tank=tank), probe, **WIRES) for seed in seeds]
+        name = f"standard deviation is {slice_mm:g} mm"
+        yield "slices", _of_scene(name, [one for one in trials if one is not None], len(seeds))
 
 
 def _of_scene(name: str, there: list[Trial], count: int) -> str:
@@ -205,7 +225,7 @@ def _picture(
     return image, through / probe.mm_per_px, normal[:2] / np.linalg.norm(normal[:2])
 
 
-PARTS = {"scenes": scenes, "detection": detection, "odd": odd}
+PARTS = {"scenes": scenes, "slices": slices, "detection": detection, "odd": odd}
 
 
 def main() -> None:

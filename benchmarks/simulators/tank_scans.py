@@ -32,11 +32,12 @@ THREADS = np.array([[1.0, 0.15, 0.05], [-0.15, 1.0, 0.1]])
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """A recording, what was scanned, and the truth."""
+    """A recording, what was scanned, and the truth: of the probe, and of the target's frame in each image (F, 4, 4)."""
 
     recording: Recording
     targets: tuple[Target, ...]
     truth: Similarity
+    image_from_target: Array
 
 
 def tank_scan(
@@ -93,7 +94,7 @@ def tank_scan(
         image=ImageGeometry.of(ArrayFrames(stack)),
         provenance=Provenance(name=f"{scene}, seed {seed}"),
     )
-    return Scan(recording, targets, truth)
+    return Scan(recording, targets, truth, np.array(held))
 
 
 def _targets(scene: str) -> tuple[Target, ...]:

@@ -277,7 +277,7 @@ def test_nine_wires_are_told_apart_among_fifteen_candidates():
     for seed in (2, 7):
         scan = tank_scan(seed, "wires")
         found = calibrate_recording(scan.recording, scan.targets, count=15)
-        assert found.used >= 0.5 * found.sightings
+        assert found.agreeing >= 0.5 * found.sightings
         angle, distance, _ = similarity_errors(found.calibration.probe_from_image, scan.truth)
         assert np.degrees(angle) < 1
         assert distance < 1

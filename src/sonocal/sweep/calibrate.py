@@ -52,6 +52,7 @@ from sonocal.sweep.placed import placed_rows
 from sonocal.sweep.pose_errors import with_pose_errors
 from sonocal.sweep.recorded import as_recorded
 from sonocal.sweep.second_look import SecondLook
+from sonocal.sweep.slice_noise import with_slice_noise
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
 from sonocal.targets import Line, Plane, Point, Target, Unplaced, require_lines
@@ -131,8 +132,9 @@ class Sweep:
             found = calibrate_chosen(
                 table, self.options, total, look, most_mm=most_mm, across=across, start=start
             )
-        judged = suspects.judging(found.calibration, found.used, found.sightings)
+        judged = suspects.judging(found.calibration, found.agreeing, found.sightings)
         rows = seen_at_assumed_speed(judged.sound, found.observations)
+        judged = with_slice_noise(judged, rows)
         wider = with_pose_errors(judged, rows, self.recording, self.options.posing)
         recorded = as_recorded(wider, self.recording, self.lines, self.options.probe)
         return replace(found, calibration=recorded)
@@ -238,7 +240,7 @@ def calibrate_points(
         sightings.diagnostics
     )
     rows = seen_at_assumed_speed(found.sound, sightings.observations)
-    found = with_pose_errors(found, rows, recording, asked.posing)
+    found = with_pose_errors(with_slice_noise(found, rows), rows, recording, asked.posing)
     found = as_recorded(found, recording, known, asked.probe)
     return found if lag is None else with_lag(found, lag, rows), sightings.observations
 

@@ -35,6 +35,7 @@ from sonocal.sweep.candidates import Candidates, Mask
 from sonocal.sweep.labels import label_findings, labels_of, widened_mm
 from sonocal.sweep.options import of_calibrate, refuse_splits
 from sonocal.sweep.settled import settled_at, upper_of_two
+from sonocal.sweep.slice_noise import ASLANT, calibrated_across
 from sonocal.sweep.twin import twin_findings
 
 __all__ = ["CandidateCalibration", "LookAgain", "calibrate_candidates", "calibrate_chosen"]
@@ -75,6 +76,11 @@ class CandidateCalibration:
     options: Options
 
     __repr__ = brief
+
+    @property
+    def agreeing(self) -> int:
+        """Sightings that agree, those that were left out of the fit for how they lie included."""
+        return self.used + self.reasons.get(ASLANT, 0)
 
     def _repr_html_(self) -> str:
         left_out = "".join(f"; {count} {why}" for why, count in self.reasons.items() if count)
@@ -146,11 +152,13 @@ def calibrate_chosen(
     if used < _least_agreeing(table, total, labels):  # of a few, most agree by chance, until one looks closer
         raise _nothing_found(table, total, used)
     last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen), latency=None)
-    calibration = calibrate(table.at(chosen), **last)
+    calibration, fitted = calibrated_across(table, chosen, settled[0], lambda rows: calibrate(rows, **last))
     reasons = {
         "no candidate or no pose": total - table.shown,
         f"no candidate near {table.wanted}": table.shown - used,
     }
+    if aslant := used - table.agreeing(fitted):
+        used, reasons[ASLANT] = used - aslant, aslant
     calibration = calibration.with_findings(
         [
             _report(table, used, total, reasons),
@@ -158,7 +166,7 @@ def calibrate_chosen(
             *label_findings(labels, candidates.target.tolist()),
         ]
     )
-    return CandidateCalibration(calibration, table.at(chosen), first, total, used, reasons, options)
+    return CandidateCalibration(calibration, table.at(fitted), first, total, used, reasons, options)
 
 
 def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) -> AxisScaled:
@@ -218,7 +226,7 @@ def _least_agreeing(table: Candidates, total: int, labels: Association | None = 
 
 def _report(table: Candidates, used: int, total: int, reasons: dict[str, int]) -> Diagnostic:
     why = ", ".join(f"{count} with {reason}" for reason, count in reasons.items() if count)
-    few = used < ENOUGH * total
+    few = used + reasons.get(ASLANT, 0) < ENOUGH * total
     return Diagnostic(
         code="images-used",
         severity="warning" if few else "info",
