@@ -193,7 +193,7 @@ def test_reprs_say_what_is_in_them(shown):
     )
 
 
-UNIT = re.compile(r"_(mm|px|s|ms|deg|hz|mm_per_px)$")
+UNIT = re.compile(r"_(mm|px|s|ms|deg|hz|mm_per_px|nats)$")
 # Numbers without a unit.
 BARE = {
     "ratio",

@@ -70,6 +70,18 @@ def test_a_hexagon_scanned_along_its_wires_is_ambiguous_and_the_symmetry_is_name
     assert found.verdict == "ambiguous"
     assert any("turn by" in one.name or "mirror" in one.name for one in found.rivals)
     assert "turn the image" in found.reason
+    assert found.second is not None and found.second.share_of_labels > 0.5
+    assert found.second.behind_nats < 25
+
+
+def test_frames_whose_poses_are_off_by_more_than_their_dots_are_weighed_by_what_is_left():
+    rng, dots = scan_of(11, lambda rng: phantoms.n_wires(3, 10.0), sigma_mm=1.2)
+    dots = phantoms.spoilt(rng, dots, 0.5, 1.0)
+    found = found_in(dots)
+    assert found.verdict == "found", found.reason
+    given = (found.labels >= 0) & (dots.truth >= 0)
+    np.testing.assert_array_equal(found.labels[given], dots.truth[given])
+    assert found.second is None or found.second.behind_nats > 25
 
 
 def test_motions_of_a_hexagon_onto_itself():

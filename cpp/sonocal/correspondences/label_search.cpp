@@ -35,7 +35,9 @@ constexpr double kKeptShare = 0.5;
 constexpr double kDotError = 0.2, kShiftError = 0.6;
 // An answer that comes so near to the best one asks for that to be found so many times as often.
 constexpr double kNear = 0.8;
-constexpr int kAgainstNear = 4;
+constexpr int kAgainstNear = 3;
+// Answers are one that label so large a part of their dots both, and so much of that alike.
+constexpr double kSharedDots = 0.6, kSameLabels = 0.95;
 constexpr std::size_t kMostCandidates = 12;
 
 // Passes the best share of the values that it is shown.
@@ -167,8 +169,11 @@ class Searching {
     if (worth <= 0 || !own_.passes(worth * own_quality(a, sample))) return;
     refine_on_own(sample, a);
     if (!others_.passes(weight(a.scales[0]) * check(a))) return;
-    const SettledLabels settled = settle_labels(scene_, checked_, a, reach_);
-    keep(settled.a, weight(settled.a.scales[0]) * explained(settled.a));
+    SettledLabels settled = settle_labels(scene_, checked_, a, reach_);
+    std::sort(settled.pairs.begin(), settled.pairs.end(),
+              [](const DotOnWire& x, const DotOnWire& y) { return x.dot < y.dot; });
+    const double score = weight(settled.a.scales[0]) * explained(settled.a);
+    keep({settled.a, score, 1, std::move(settled.pairs)});
   }
 
   // Dots of the checked frames that are where their wires are, but for what a frame's share.
@@ -198,16 +203,33 @@ class Searching {
     return sum;
   }
 
-  void keep(const Transform& a, double score) {
+  // Whether two answers are one: by their labels, as what the dots tell little of may differ by much.
+  bool alike(const LabelCandidate& one, const LabelCandidate& other) const {
+    if (scene_.apart(one.a, other.a) < reach_) return true;
+    std::size_t both = 0, same = 0;
+    for (std::size_t i = 0, j = 0; i < one.pairs.size() && j < other.pairs.size();) {
+      const DotOnWire &x = one.pairs[i], &y = other.pairs[j];
+      if (x.dot == y.dot) ++both, same += x.wire == y.wire;
+      i += x.dot <= y.dot;
+      j += y.dot <= x.dot;
+    }
+    const double most = static_cast<double>(std::max(one.pairs.size(), other.pairs.size()));
+    return static_cast<double>(both) > kSharedDots * most && static_cast<double>(same) > kSameLabels * both;
+  }
+
+  void keep(LabelCandidate found) {
     auto& all = out_.candidates;
-    const auto known = std::find_if(
-        all.begin(), all.end(), [&](const LabelCandidate& one) { return scene_.apart(one.a, a) < reach_; });
+    const auto known =
+        std::find_if(all.begin(), all.end(), [&](const LabelCandidate& one) { return alike(one, found); });
     if (known == all.end()) {
-      if (!all.empty() && score < kKeptShare * all[0].score) return;
-      all.push_back({a, score, 1});
+      if (!all.empty() && found.score < kKeptShare * all[0].score) return;
+      all.push_back(std::move(found));
     } else {
-      ++known->finds;
-      if (score > known->score) known->a = a, known->score = score;
+      found.finds = known->finds + 1;
+      if (found.score > known->score)
+        *known = std::move(found);
+      else
+        known->finds = found.finds;
     }
     std::stable_sort(all.begin(), all.end(),
                      [](const LabelCandidate& x, const LabelCandidate& y) { return x.score > y.score; });

@@ -22,6 +22,7 @@ struct LabelCandidate {
   Transform a;       // as the table is
   double score = 0;  // of these frames, in dots: how many are explained, but for what a frame's share
   int finds = 0;
+  std::vector<DotOnWire> pairs;  // by dot
 };
 
 struct LabelSearch {

@@ -40,7 +40,7 @@ SURE = -7.0
 MOST_HARDLY_SEEN = 1 / 3
 # In thresholds: frames whose wires are nearer to one another say nothing of the poses.
 STILL = 3.0
-LABELLING = "another labelling"
+LABELLING, ELSEWHERE = "another labelling", "another place of the images"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class Association:
         residuals_mm: (N,): of each dot from its line; NaN without one.
         target_from_source: the similarity that they were found with, mm from px; None where nothing was.
         rivals: other answers that the dots do not exclude; where it is "found", with the same labels.
-        second: the next best answer, excluded or not: its `behind_nats` says how far it is; None where there is none.
+        second: the next best answer with other labels, excluded or not, and how far behind; None where none comes near.
         score: sum over the dots of 1 - (residual / threshold)^2.
         ratio: the score over the best that is left with the lines of other frames.
         threshold_mm: dots farther from a line are not of it.
@@ -205,8 +205,9 @@ def _judged(
             f"; {rivals[0].name} has the same labels and fits as well, up to {rivals[0].apart_mm:.1f} mm away"
         )
     labels, residuals = _as_given(table, best.settled)
+    second = next((one for one, _ in others if one.share_of_labels > SAME_LABELS), None)
     return Association(
-        verdict, reason, labels, residuals, _similarity(best.settled.matrix), rivals, others[0][0] if others else None,
+        verdict, reason, labels, residuals, _similarity(best.settled.matrix), rivals, second,
         best.settled.score, poses.ratio, within_mm, finds, tried,
     )  # fmt: skip
 
@@ -230,8 +231,9 @@ def _others(table: LabelTable, answers: list[Answer], within_mm: float) -> list[
         kept.append(one)
         labels = _as_given(table, one.settled)[0]
         nats, _ = nats_apart(table, best.shifted.costs, one.shifted.costs)
+        name = ELSEWHERE if one.name == LABELLING and share <= SAME_LABELS else one.name
         found.append((
-            RivalLabels(one.name, labels, _similarity(one.settled.matrix), one.settled.score, apart, nats, share),
+            RivalLabels(name, labels, _similarity(one.settled.matrix), one.settled.score, apart, nats, share),
             excluded,
         ))  # fmt: skip
     return found
