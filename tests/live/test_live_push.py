@@ -14,7 +14,14 @@ from tests.builders.plus_server import FakePlus
 def test_what_is_calibrated_live_is_pushed(tmp_path):
     write_lines([NEEDLE], tmp_path / "needle.toml")
     with served(swept(60)) as port, FakePlus() as plus:
-        words = ["live", "--connect", f"127.0.0.1:{port}", "--lines", str(tmp_path / "needle.toml"), "--no-report"]
+        words = [
+            "live",
+            "--connect",
+            f"127.0.0.1:{port}",
+            "--lines",
+            str(tmp_path / "needle.toml"),
+            "--no-report",
+        ]
         result = CliRunner().invoke(
             main, [*words, "--images", "60", "-o", str(tmp_path / "out"), "--push", plus.address, "--yes"]
         )
