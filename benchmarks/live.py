@@ -30,7 +30,8 @@ from sonocal.sweep import Session
 from sonocal.targets import Line, read_lines
 
 WIDE, HIGH, TOOLS = 820, 616, ("ProbeToTracker", "NeedleToTracker", "StylusToTracker")
-QUIET_S, WAIT_S = 1.0, 60.0
+# A machine that does much else lets a sender rest for seconds.
+QUIET_S, WAIT_S = 5.0, 60.0
 
 
 def main() -> None:
@@ -148,7 +149,7 @@ def followed(port: int, folder: Path, lines: tuple[Line, ...], frames: int) -> s
     begin = time.process_time()
     session = Session(lines, stream=GrowingSequence(folder / "recording.mhd"))
     with igtl.Client("127.0.0.1", port, greeting=GREETING) as client, Live(client, session) as running:
-        while not client.received or client.quiet_s < QUIET_S:
+        while running.pairing.images < frames and client.quiet_s < WAIT_S:
             time.sleep(0.03)
         found = running.finish()
         state = running.state

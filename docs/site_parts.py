@@ -18,13 +18,13 @@ BESIDE = {
 }
 # Types that other libraries define: their sites are not at hand without a network.
 THEIRS = re.compile(
-    r"(numpy|np|collections|concurrent|pathlib|typing|dataclasses|datetime|msgspec|matplotlib|mpl_toolkits|distributed|socket)\."
+    r"(numpy|np|collections|concurrent|pathlib|typing|dataclasses|datetime|msgspec|matplotlib|mpl_toolkits|distributed|socket|threading)\."
     r"|(NDArray|ArrayLike|Array|Path|Any|Axes|Axes3D|PolarAxes|DataFrame|optional)$|[a-z_\d]+$"
 )
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
     "Bytes", "Cell", "Centre", "Compounding", "Content", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images",
-    "Interpolation", "Keywords", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "Peer", "PlaneSamples",
+    "Interpolation", "Keywords", "LagFit", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "Peer", "PlaneSamples",
     "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sonocal as sc
-from sonocal import igtl
+from sonocal import igtl, live
 from sonocal.calibration import Options, fit_rows
 from sonocal.detection import PointDetector, WallDetector
 from sonocal.errors import MirroredVolumeError
@@ -69,7 +69,9 @@ def shown(tmp_path_factory):
         if issubclass(one, sc.SonocalError)
     }
     with igtl.Server() as server:
-        client = igtl.Client("127.0.0.1", server.port)
+        client, session = igtl.Client("127.0.0.1", server.port), sc.sweep.Session([NEEDLE], name=LONG)
+        with live.Live(client, session) as running:
+            pass
         client.close()
     points = np.column_stack([rows.points_px, np.zeros(len(rows))])
     frames = ArrayFrames(np.zeros((3, 4, 5), np.uint8))
@@ -112,7 +114,10 @@ def shown(tmp_path_factory):
         "client": client,
         "server of PLUS": sc.igtl.PlusServer(client, LONG),
         "growing": sc.recording.RecordingStream(LONG),
-        "session": sc.sweep.Session([NEEDLE], name=LONG),
+        "session": session,
+        "live": running,
+        "pairing": live.Pairing(),
+        "replay": live.Replay(random_recording(0, n=3, size=(5, 4))),
         "store": Store(folder, load_study("needles"), "0"),
         **errors,
     }
@@ -212,6 +217,11 @@ BARE = {
     "apart",
     "apart_95",
     "said_deviations",
+    # shares
+    "share",
+    "invalid",
+    "gaps",
+    "reordered",
 }
 
 

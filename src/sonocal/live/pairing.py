@@ -63,6 +63,9 @@ class Pairing:
         self._said: list[str] = []
         self._spelt: dict[tuple[str, str], tuple[str, str]] = {}
 
+    def __repr__(self) -> str:
+        return f"<Pairing: {self.images} images, {self.paired} with every pose, {len(self.tools)} tools>"
+
     def add(self, message: igtl.Message, now_s: float) -> None:
         """Take in a message that came now, by a clock of this machine that never goes back, s."""
         if isinstance(message.content, igtl.Image):
