@@ -19,6 +19,7 @@ ROOMS: dict[str, set[str]] = {
     "cli": ALL,
     "cli.screen": ALL - {"cli"},
     "live": {"igtl", "sweep", "detection", "recording", "validation"},
+    "devices": {"igtl"},
     "igtl": {"_core"},
     "studio": {
         "sweep",
@@ -88,6 +89,7 @@ MOST_AT_THE_ROOT = 5
 # Third parties that a room's own import must not drag in: `import sonocal` stays fast.
 LAZY = {
     *("scipy", "click", "rich", "matplotlib", "jinja2", "h5py", "nrrd", "pydicom", "av", "PIL", "dask"),
+    *("natnet", "ndicapy"),
     *("pandas", "distributed", "c3d", "starlette", "uvicorn", "websockets"),
 }
 LAZY_EXEMPT = {"cli": {"click"}, "cli.screen": {"click", "rich"}}

@@ -101,12 +101,13 @@ def export(
         loaded = as_scanned(loaded, calibration)
     frames = options["image"], options["probe"]
     content = None if output is None else _content(loaded, form, output, into, frames)
-    console().print(remark)
-    if images := which_images(loaded):
-        say(images)
     if output is not None and content is not None:
         reserve(output)
         write_atomically(output, content)
+    console().print(remark)
+    if images := which_images(loaded):
+        say(images)
+    if output is not None:
         say(f"Wrote {output}")
     if push is not None:
         push_calibration(loaded, push, form, frames, yes=yes, save_as=save_as)

@@ -27,6 +27,7 @@ from sonocal.cli.options import (
     typed,
 )
 from sonocal.cli.outputs import OVERWRITE, reserve, reserve_results
+from sonocal.cli.push import PUSH, YES, push_calibration
 from sonocal.cli.reading import ESTIMATE
 from sonocal.cli.screen.plain import say
 from sonocal.errors import UnsupportedError
@@ -63,9 +64,10 @@ class Millimetres(click.ParamType[float]):
     groups={
         "What is read": ("connect", "lines", "image", "probe", "latency_s", "on_invalid"),
         "How the needle is found in images": ("count", "centre"),
-        "When it ends": ("until_mm", "most_images", "seconds"),
+        "When it ends, and how it guides": ("until_mm", "most_images", "seconds", "most_tilt_deg"),
         "What is known of the set-up": ("scanner_mm_per_px",),
         "What is written and shown": ("output", "tolerance_mm", "report", "overwrite", "as_json"),
+        "Into a running program": ("push", "yes"),
     },
     examples=(
         "sonocal live --connect localhost:18944 --lines needle.toml",
@@ -105,6 +107,13 @@ class Millimetres(click.ParamType[float]):
 @click.option(
     "--seconds", type=click.FloatRange(0, min_open=True), help="End after so long.  [default: never]"
 )
+@click.option(
+    "--most-tilt-deg",
+    type=click.FloatRange(5, 80),
+    default=60.0,
+    show_default=True,
+    help="The most that the needle can be tilted; poses to hold next are asked for up to that.",
+)
 @SCANNER
 @output_folder("live", "the recording, as it comes, and what is calibrated of it")
 @click.option(
@@ -117,6 +126,8 @@ class Millimetres(click.ParamType[float]):
 @NO_REPORT
 @OVERWRITE
 @JSON
+@PUSH
+@YES
 def live(
     output: Path,
     *,
@@ -126,6 +137,9 @@ def live(
     until_mm: float | None,
     most_images: int | None,
     seconds: float | None,
+    most_tilt_deg: float,
+    push: str | None,
+    yes: bool,
     **options: Any,
 ) -> None:
     """Calibrate while scanning: move the needle through the image, and be told how good it is already.
@@ -137,12 +151,19 @@ def live(
     At the end, by itself with --until, or with a key, OUTPUT gets what "sonocal calibrate OUTPUT/recording.mhd" makes
     of the recording: calibration.json, observations.csv, the contact sheet and the report.
 
+    With --push the calibration then goes into a running PlusServer, which is asked about first.
+
     A server that goes is waited for; what goes wrong is said, and the session goes on.
     """
     from sonocal import igtl
-    from sonocal.live import GREETING, Live, Pairing
+    from sonocal.live import GREETING, Guide, Live, Pairing
+    from sonocal.sweep import Reach
 
     host, port = igtl.address(connect)
+    if push is not None:
+        igtl.address(push)  # what is wrong with it is said before the scan
+    elif yes:
+        raise click.UsageError("--yes is for --push")
     if not typed(("on_invalid",)):
         options["on_invalid"] = "skip"
     session = _session(lines, options)
@@ -160,12 +181,16 @@ def live(
         _keep_in(session, output)
         stack.callback(session.close)
         pairing = Pairing(image, told_s)
+        guide = Guide(session, Reach(most_tilt_deg=most_tilt_deg))
         running = stack.enter_context(
-            Live(client, session, pairing=pairing, until_mm=until_mm, most_images=most_images)
+            Live(client, session, pairing=pairing, until_mm=until_mm, most_images=most_images, advice=guide)
         )
         _follow(running, until_mm, seconds)
         client.close()
-        calibrated(running, output, lines, options, RECORDING)
+        found = calibrated(running, output, lines, options, RECORDING)
+    if push is not None:
+        frames = "Image", str(options["probe"])
+        push_calibration(found, push, "plus", frames, yes=yes, err=bool(options["as_json"]))
 
 
 def _session(lines: Path, options: dict[str, Any]) -> Session:

@@ -14,6 +14,7 @@ from sonocal.cli.report import json_with_verdict
 from sonocal.cli.screen.plain import say_json
 
 if TYPE_CHECKING:
+    from sonocal.calibration import Calibration
     from sonocal.live import Live
 
 __all__ = ["calibrated"]
@@ -21,8 +22,12 @@ __all__ = ["calibrated"]
 HANDED_ON = ("count", "centre", "probe", "scanner_mm_per_px", "tolerance_mm")
 
 
-def calibrated(running: Live, output: Path, lines: Path, options: dict[str, Any], name: str) -> None:
-    """Calibrate the recording as its own command would, write what that writes, and print what it prints."""
+def calibrated(running: Live, output: Path, lines: Path, options: dict[str, Any], name: str) -> Calibration:
+    """Calibrate the recording as its own command would, write what that writes, and print what it prints.
+
+    Returns:
+        The calibration.
+    """
     from sonocal.cli.screen.calibration import print_calibration
 
     seen = running.detections()
@@ -45,10 +50,11 @@ def calibrated(running: Live, output: Path, lines: Path, options: dict[str, Any]
         write_results(output, files)
     if as_json:
         say_json(json_with_verdict(found, files["calibration.json"]))
-        return
+        return found
     print_calibration(console(), found)
     said = ", ".join(str(output / one) for one in (name, *files))
     console().print(f"Wrote {said}", soft_wrap=True)
+    return found
 
 
 def _words(running: Live, recording: Path, lines: Path, output: Path, options: dict[str, Any]) -> list[str]:

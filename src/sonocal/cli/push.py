@@ -46,6 +46,7 @@ def push_calibration(
     *,
     yes: bool,
     save_as: str | None = None,
+    err: bool = False,
 ) -> None:
     """Put a calibration into a running PlusServer or 3D Slicer.
 
@@ -56,6 +57,7 @@ def push_calibration(
         frames: what the program calls the image's frame and that of the probe's marker.
         yes: do not ask.
         save_as: of PLUS's configuration; None: over its own.
+        err: say what becomes of it on stderr, where stdout is for programs.
 
     Raises:
         InputError: nobody listens there, it does not take the calibration, or nobody can be asked.
@@ -72,14 +74,21 @@ def push_calibration(
         if form == "plus":
             area_px = getattr(found, "area_px", None)
             _into_plus(
-                PlusServer(client, where), where, name, written, area_px=area_px, save_as=save_as, yes=yes
+                PlusServer(client, where),
+                where,
+                name,
+                written,
+                area_px=area_px,
+                save_as=save_as,
+                yes=yes,
+                err=err,
             )
         else:
-            say(f"{where}: is sent {name}, replacing a transform of that name if it has one:")
-            say(_rows(written.matrix))
-            _ask(yes=yes)
+            say(f"{where}: is sent {name}, replacing a transform of that name if it has one:", err=err)
+            say(_rows(written.matrix), err=err)
+            _ask(yes=yes, err=err)
             _into_slicer(client, name, written.matrix)
-            say(f"Sent {name} to {where}; Slicer gives no answer: see its transform {name}")
+            say(f"Sent {name} to {where}; Slicer gives no answer: see its transform {name}", err=err)
 
 
 def _into_plus(
@@ -91,20 +100,20 @@ def _into_plus(
     area_px: Array | None,
     save_as: str | None,
     yes: bool,
+    err: bool,
 ) -> None:
     from sonocal.targets.device_set_edit import transform_values
 
     matrix, error_mm = written.matrix, written.error_mm
-    say(_change(where, name, server.transform(name), matrix, area_px))
-    say(
-        f"PlusServer then saves its configuration {'over its own file' if save_as is None else f'as {save_as}'}."
-    )
-    _ask(yes=yes)
+    say(_change(where, name, server.transform(name), matrix, area_px), err=err)
+    file = "over its own file" if save_as is None else f"as {save_as}"
+    say(f"PlusServer then saves its configuration {file}.", err=err)
+    _ask(yes=yes, err=err)
     date = transform_values(matrix, error_mm)["Date"]
     server.update_transform(name, matrix, error_mm=error_mm, date=date)
-    say(f"Put {name} into {where}")
+    say(f"Put {name} into {where}", err=err)
     server.save_config(save_as)
-    say(f"{where} saved its configuration")
+    say(f"{where} saved its configuration", err=err)
 
 
 def _into_slicer(client: Client, name: str, matrix: Array) -> None:
@@ -140,9 +149,9 @@ def _rows(matrix: Array) -> str:
     return "\n".join("  " + " ".join(f"{x:11.5f}" for x in row) for row in matrix)
 
 
-def _ask(*, yes: bool) -> None:
+def _ask(*, yes: bool, err: bool) -> None:
     if yes:
         return
     if not sys.stdin.isatty():
         raise InputError("nobody is there to be asked whether to put it there; say --yes")
-    click.confirm("Put it there?", abort=True)
+    click.confirm("Put it there?", abort=True, err=err)

@@ -1,6 +1,7 @@
 """A calibration while one scans: a session that a server feeds; and a recording that is served as PLUS would."""
 
 from sonocal.live.answers import Advice
+from sonocal.live.guide import Guide
 from sonocal.live.live import GREETING, Live
 from sonocal.live.pairing import Pairing
 from sonocal.live.replay import Faults, Replay
@@ -10,6 +11,7 @@ __all__ = [
     "GREETING",
     "Advice",
     "Faults",
+    "Guide",
     "LagSoFar",
     "Live",
     "Pairing",

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 from sonocal.errors import SonocalError
 from sonocal.live.state import LagSoFar, State
-from sonocal.sweep import CandidateCalibration, Session
+from sonocal.sweep import CandidateCalibration, Hold, Session
 from sonocal.validation import give_verdict
 from sonocal.validation.coverage import coverage_of
 
 __all__ = ["Advice", "Answers", "where_few_are"]
 
-Advice = Callable[[CandidateCalibration | None, State], str]
-"""What to do next, in words: of the last fit (None before there is one) and of the moment."""
+Advice = Callable[[CandidateCalibration | None, State], "Hold | str"]
+"""What to do next, as a pose or in words: of the last fit (None before there is one) and of the moment."""
 
 FIRST, LEAST_NEW, GROWTH = 20, 5, 1.25
 """Images of the first fit; that another waits for, whatever it costs; and, at the most, times as many as before."""
@@ -84,7 +84,9 @@ class Answers:
 
     def advise(self, moment: State) -> None:
         """Ask what to do next."""
-        self.state = replace(self.state, advice=self._advice(self._session.latest, moment))
+        said = self._advice(self._session.latest, moment)
+        hold = said if isinstance(said, Hold) else None
+        self.state = replace(self.state, advice=said if isinstance(said, str) else said.words, hold=hold)
 
     def _lag(self) -> LagSoFar | None:
         now_s = time.monotonic()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sonocal.geometry.shown import brief
+from sonocal.sweep import Hold
 from sonocal.validation import Verdict
 
 __all__ = ["LagSoFar", "State", "ToolSeen"]
@@ -71,6 +72,7 @@ class State:
         connected: whether the server is there.
         quiet_s: how long nothing came.
         advice: what to do next, in words.
+        hold: the same as a pose, where it is one.
         said: what went wrong: (elapsed_s, a sentence), the last ones.
         ended: why it ended; "" while it goes on.
     """
@@ -97,6 +99,7 @@ class State:
     connected: bool = True
     quiet_s: float = 0.0
     advice: str = ""
+    hold: Hold | None = None
     said: tuple[tuple[float, str], ...] = ()
     ended: str = ""
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonocal.calibration.lagged import lag_of_rows
 from sonocal.detection import Detections
@@ -23,6 +24,7 @@ from sonocal.sweep.calibrate import Sweep
 from sonocal.sweep.choice import CandidateCalibration
 from sonocal.sweep.lagged import moving_rows
 from sonocal.sweep.options import Keywords, Options
+from sonocal.sweep.tabulate import Posing
 from sonocal.targets import Line, require_lines
 
 __all__ = ["Session"]
@@ -87,6 +89,19 @@ class Session:
     def estimates_lag(self) -> bool:
         """Whether the lag is fitted at the end, so that fits on the way may take what is known of it."""
         return self._options.get("latency") is not None
+
+    @property
+    def posing(self) -> Posing:
+        """How the lines come into the probe marker's frame."""
+        named = {
+            name: self._options[name] for name in ("probe", "fixed", "on_invalid") if name in self._options
+        }
+        return Posing(**named)
+
+    @property
+    def mask(self) -> NDArray[np.bool_] | None:
+        """(rows, columns): where it looks; None before it does, and where that is everywhere."""
+        return None if self._detector is None else self._detector.mask
 
     @property
     def expected_mm(self) -> float | None:

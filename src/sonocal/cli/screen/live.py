@@ -43,6 +43,8 @@ def screen_of(state: State, *, until_mm: float | None = None) -> RenderableType:
         parts.append(Columns([_coverage(state), _fall(state, until_mm)], padding=(0, 4)))
     if state.advice:
         parts.append(Text.assemble(("Next: ", "bold"), state.advice))
+    if state.hold is not None and not state.ended:
+        parts.append(Text(state.hold.sketch(), style="cyan"))
     parts += [Text(f"{at_s:6.1f} s  {what}", style="yellow") for at_s, what in state.said[-MOST_SAID:]]
     ended = f"Ends: {state.ended}" if state.ended else "q, enter or ctrl-C: end, calibrate and write"
     return Panel(Group(*parts, Text(ended, style="dim")), title="sonocal live", title_align="left")
