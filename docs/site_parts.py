@@ -25,7 +25,8 @@ THEIRS = re.compile(
 HANDED_ON = {
     "Bytes", "Cell", "Centre", "Compounding", "Content", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images",
     "Interpolation", "Keywords", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "Peer", "PlaneSamples",
-    "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting", "Workforce",
+    "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting",
+    "Workforce",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
 ARRAYS = [

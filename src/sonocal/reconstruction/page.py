@@ -13,7 +13,7 @@ from sonocal.reconstruction.previews import Picture, preview
 from sonocal.reconstruction.volume import Volume
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes as Drawn
+    import matplotlib.axes
 
 __all__ = ["plot_picture", "volume_html"]
 
@@ -68,7 +68,7 @@ def volume_html(
     )
 
 
-def plot_picture(axis: Drawn, picture: Picture, brightest: float = 255.0) -> None:
+def plot_picture(axis: matplotlib.axes.Axes, picture: Picture, brightest: float = 255.0) -> None:
     """A picture in mm, with a scale bar and what lies on its sides.
 
     Args:
