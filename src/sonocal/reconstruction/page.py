@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sonocal.errors import UnsupportedError
+from sonocal.errors import UnsupportedError, require
 from sonocal.reconstruction.files import Axes
 from sonocal.reconstruction.previews import Picture, preview
 from sonocal.reconstruction.volume import Volume
@@ -76,6 +76,7 @@ def plot_picture(axis: matplotlib.axes.Axes, picture: Picture, brightest: float 
         picture: of `preview`.
         brightest: the grey level that is white.
     """
+    require("picture", picture, Picture)
     from matplotlib.patheffects import withStroke
 
     image, (left, right, bottom, top) = picture.image, picture.edges_mm
