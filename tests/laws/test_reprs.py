@@ -20,7 +20,7 @@ from sonocal.existing import Existing
 from sonocal.findings import Diagnostic, Findings
 from sonocal.geometry import AxisScaled, Similarity
 from sonocal.geometry.shown import brief
-from sonocal.reconstruction import Grid
+from sonocal.reconstruction import Grid, LiveVolume
 from sonocal.recording import ArrayFrames, Frames
 from sonocal.registration import Registration, point_line, register
 from sonocal.simulation.scene import simulate_observations
@@ -77,6 +77,7 @@ def shown(tmp_path_factory):
     frames = ArrayFrames(np.zeros((3, 4, 5), np.uint8))
     return {
         "table": rows,
+        "live volume": LiveVolume(np.eye(4), name=LONG),
         "table of a volume": ROWS[3],
         "table of a long name": rows.with_sound(source=LONG),
         "calibration": sc.calibrate(rows),

@@ -194,7 +194,7 @@ def reconstruct(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Put the images of a tracked 2D probe (RECORDING) into a volume, by its calibration (CALIBRATION).
+    """Put the images of a tracked probe (RECORDING) into a volume, by its calibration (CALIBRATION).
 
     CALIBRATION is calibration.json, or a matrix of other software: a device set of PLUS (.xml), a transform of ITK or
     3D Slicer (.tfm, .h5), a 4 x 4 (text, .npy).

@@ -57,7 +57,10 @@ def own_volume(
     chosen["spacing_mm"] = np.squeeze(options["spacing_mm"])
     if options["bounds_mm"] is not None:
         chosen["bounds_mm"] = np.reshape(options["bounds_mm"], (2, 3))
-    drawn = None if mask is None else read_mask(mask, sweep.frames.shape[:2])
+    deep = sweep.image is not None and sweep.image.dimension == 3
+    drawn = (
+        None if mask is None else read_mask(mask, sweep.frames.shape[1:3] if deep else sweep.frames.shape[:2])
+    )
     return make(sweep, loaded, output, mask=drawn, **chosen)
 
 

@@ -14,10 +14,14 @@ __all__ = ["image_planes", "joined_images"]
 def joined_images(placed: Placed, corners_mm: Array, longest_gap_mm: float) -> NDArray[np.int32]:
     """(n - 1,), not 0 where an image and the next are successive ones whose corners (n, 4, 3) moved no further.
 
-    Nothing is made up across an image without a pose, where nobody knows the way the probe took.
+    Nothing is made up across an image without a pose, where nobody knows the way the probe took, nor between the last
+    slice of a volume and the first of the next.
     """
     moved = np.linalg.norm(np.diff(corners_mm, axis=0), axis=2).max(axis=1, initial=0.0)
-    return np.asarray((moved <= longest_gap_mm) & (np.diff(placed.rows) == 1), dtype=np.int32)
+    next_to = np.diff(placed.rows) == 1
+    if placed.slices > 1:
+        next_to &= np.diff(placed.rows // placed.slices) == 0
+    return np.asarray((moved <= longest_gap_mm) & next_to, dtype=np.int32)
 
 
 def image_planes(reference_from_image: Array) -> Array:

@@ -66,6 +66,10 @@ def reconstruct_like_plus(
     fixed = dict(read_device_set(device_set).transforms)
     options = Options(probe=probe, reference=settings.reference, fixed=fixed, on_invalid=on_invalid)
     placed = place(recording, image_matrix(calibration), options)
+    if placed.slices > 1:
+        raise UnsupportedError(
+            f"{recording.name}: holds volumes of a 3D probe, of which PLUS makes none; leave like_plus out"
+        )
     if placed.dtype != np.uint8:
         raise UnsupportedError(f"{recording.name}: volumes are made as PLUS makes them of images of 8 bits")
     left_out = len(recording) - len(placed)

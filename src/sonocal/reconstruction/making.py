@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sonocal.calibration import Calibration
 from sonocal.detection import find_mask
-from sonocal.errors import InputError, require
+from sonocal.errors import InputError, UnsupportedError, require
 from sonocal.existing import Existing
 from sonocal.geometry import Array
 from sonocal.reconstruction.batches import Crossing, Images, crossing
@@ -49,7 +49,7 @@ def reconstruct(
     """The volume of a sweep.
 
     Args:
-        recording: the images of a 2D probe, and its poses.
+        recording: the images of a 2D probe, or the volumes of a 3D probe, and its poses.
         calibration: ours, a matrix of other software, or (4, 4) mm in the probe marker's frame from px.
         path: ``.mha`` or ``.nrrd``: the volume is written there brick by brick, and never whole in memory.
         workers: who fills the bricks, such as those of `sonocal.studies.cluster.local(4)`; None: this process. The
@@ -70,6 +70,10 @@ def reconstruct(
     matrix = image_matrix(calibration)
     refuse_unknown_error(calibration, settings)
     placed = place(recording, matrix, settings)
+    if settings.error and placed.slices > 1:
+        raise UnsupportedError(
+            f"{recording.name}: how far off a voxel is, is not told of the volumes of a 3D probe; leave error out"
+        )
     images = _crossing(placed, settings)
     report = progress or (lambda done, total: None)
     fill = partial(_fill, report=report)
@@ -83,7 +87,7 @@ def reconstruct(
         if settings.error:
             errors = stack.enter_context(_store(path, "error-um")(*_error_channel(images)))
             fill(_of_errors(images, error_image_um(calibration, placed, settings)), errors)
-    volume: Volume = into.volume(len(placed), len(recording) - len(placed), filled)
+    volume: Volume = into.volume(placed.items, len(recording) - placed.items, filled)
     return volume if errors is None else replace(volume, error_um=errors.read()[0])
 
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sonocal.errors import UnsupportedError
+from sonocal.errors import UnsupportedError, require
 from sonocal.reconstruction.files import Axes
 from sonocal.reconstruction.previews import Picture, preview
 from sonocal.reconstruction.volume import Volume
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes as Drawn
+    import matplotlib.axes
 
 __all__ = ["plot_picture", "volume_html"]
 
@@ -68,7 +68,7 @@ def volume_html(
     )
 
 
-def plot_picture(axis: Drawn, picture: Picture, brightest: float = 255.0) -> None:
+def plot_picture(axis: matplotlib.axes.Axes, picture: Picture, brightest: float = 255.0) -> None:
     """A picture in mm, with a scale bar and what lies on its sides.
 
     Args:
@@ -76,6 +76,7 @@ def plot_picture(axis: Drawn, picture: Picture, brightest: float = 255.0) -> Non
         picture: of `preview`.
         brightest: the grey level that is white.
     """
+    require("picture", picture, Picture)
     from matplotlib.patheffects import withStroke
 
     image, (left, right, bottom, top) = picture.image, picture.edges_mm

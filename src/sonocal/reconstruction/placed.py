@@ -33,6 +33,7 @@ class Placed:
         rows: (n,), which of them have a pose.
         reference_from_image: (n, 4, 4), mm from px.
         reference: the frame of these.
+        slices: how many of them in succession are those of one volume of a 3D probe; 1 of a 2D probe.
     """
 
     name: str
@@ -40,9 +41,15 @@ class Placed:
     rows: NDArray[np.int64]
     reference_from_image: Array
     reference: str
+    slices: int = 1
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @property
+    def items(self) -> int:
+        """How many images, or volumes, of the recording they are."""
+        return len(self.rows) // self.slices
 
     @property
     def height(self) -> int:
@@ -71,6 +78,27 @@ class Placed:
         """Images start <= i < stop of those that have a pose, as grey levels [v, u]."""
         for row in self.rows[start:stop]:
             yield grey_levels(self.frames[int(row)])
+
+
+class Slices(Frames):
+    """The slices of volumes [w, v, u], one after the other, of one volume after the other."""
+
+    def __init__(self, volumes: Frames) -> None:
+        self._volumes = volumes
+        self.depth, *shape = volumes.shape
+        self.shape, self.dtype = tuple(shape), volumes.dtype
+        self._last: tuple[int, NDArray[Any]] | None = None
+
+    def __len__(self) -> int:
+        return len(self._volumes) * self.depth
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Slice `index`; a volume is decoded once for all of its slices."""
+        which, w = divmod(index, self.depth)
+        last = self._last
+        if last is None or last[0] != which:
+            last = self._last = (which, self._volumes.read(which))
+        return np.asarray(last[1][w])
 
 
 def grey_levels(image: NDArray[Any]) -> NDArray[Any]:
@@ -139,7 +167,21 @@ def place(recording: Recording, matrix: Array, options: Options, poses: Poses | 
             f"{poses.target}; check which tools were seen with sonocal info"
         )
     rows = np.flatnonzero(usable)
-    return Placed(recording.name, recording.frames, rows, poses.matrices[rows] @ matrix, poses.target)
+    placed = Placed(recording.name, recording.frames, rows, poses.matrices[rows] @ matrix, poses.target)
+    assert recording.image is not None
+    return placed if recording.image.dimension == 2 else _sliced(placed)
+
+
+def _sliced(placed: Placed) -> Placed:
+    """Volumes of a 3D probe as the images that they are a stack of."""
+    frames = Slices(placed.frames)
+    shifts = np.tile(np.eye(4), (frames.depth, 1, 1))
+    shifts[:, 2, 3] = np.arange(frames.depth)
+    rows = placed.rows[:, None] * frames.depth + np.arange(frames.depth)
+    matrices = placed.reference_from_image[:, None] @ shifts
+    return Placed(
+        placed.name, frames, rows.ravel(), matrices.reshape(-1, 4, 4), placed.reference, frames.depth
+    )
 
 
 def _check_images(recording: Recording) -> None:
@@ -147,16 +189,12 @@ def _check_images(recording: Recording) -> None:
         raise InputError(
             f"{recording.name}: has no images; a volume is made of a recording of images and poses"
         )
-    if recording.image.dimension != 2:
-        raise UnsupportedError(
-            f"{recording.name}: holds volumes of a 3D probe, and a volume is made of the images of a 2D probe"
-        )
     if recording.frames.dtype not in (np.uint8, np.uint16, np.bool_):
         raise UnsupportedError(
             f"{recording.name}: pixels of type {recording.frames.dtype.name} are not put into volumes; convert them to "
             "uint8 or uint16"
         )
-    if min(recording.frames.shape[:2]) < 2:
+    if min(recording.frames.shape[recording.image.dimension - 2 :][:2]) < 2:
         raise InputError(
             f"{recording.name}: its images are a single line of pixels; there is nothing between lines"
         )
