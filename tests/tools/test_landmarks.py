@@ -123,11 +123,16 @@ def test_a_phantom_that_shrank_is_told():
     assert found.size_ratio == pytest.approx(1 / 1.012, abs=0.004)
 
 
-def test_a_wrong_tip_is_told():
-    times, poses, _, _ = session_of(8, false=0, tip_error_mm=8.0)
+def test_a_wrong_tip_is_told_and_one_that_is_far_off_refused():
+    times, poses, _, _ = session_of(8, false=0, tip_error_mm=3.0)
     found = registered(times, poses, EIGHT)
     (doubt,) = [finding for finding in found.diagnostics if finding.code == "stylus-tip-off"]
     assert doubt.severity == "warning"
+    times, poses, _, _ = session_of(8, false=0, tip_error_mm=8.0)
+    with pytest.raises(InputError, match="pivot the stylus and give that tip") as caught:
+        registered(times, poses, EIGHT)
+    nearer = np.array([float(x) for x in str(caught.value).split("nearer to ")[1].strip(")").split(",")])
+    assert np.linalg.norm(nearer - TIP - 8 * np.array([0.6, 0, 0.8])) < 2.0
 
 
 def test_a_recording_without_rest_is_refused():

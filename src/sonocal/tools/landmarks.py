@@ -34,6 +34,8 @@ __all__ = ["register_landmarks"]
 FEWEST, FEWEST_IN_ORDER = 4, 3
 # Where a recording has no times.
 RATE_HZ = 20.0
+# Of a tip: a warning up to there, for sensors whose place depends on their angle look like two millimetres of it.
+REFUSED_MM = 4.0
 
 
 def register_landmarks(
@@ -60,7 +62,8 @@ def register_landmarks(
         seed: of the triples of landmarks that are tried, where these are very many.
 
     Raises:
-        InputError: fewer than three landmarks, no such tool, too few touches, landmarks that are not in mm.
+        InputError: fewer than three landmarks, no such tool, too few touches, landmarks that are not in mm, a tip that
+            is off by `REFUSED_MM` or more.
         DegenerateGeometryError: the landmarks lie on one line ("points-on-one-line"), or the touches fit them in
             several ways ("landmarks-ambiguous").
         NoConsensusError: too few touches fit landmarks, or they fit the mirrored phantom.
@@ -86,6 +89,7 @@ def register_landmarks(
     found = _registration(landmarks, frame, rests, match, targets)
     if doubt is not None:
         doubt = _if_it_mends(doubt, poses.matrices, found, landmarks, match)
+        _refuse_tip(recording.name, doubt, tip)
     findings = (*repeats, *landmark_findings(found, rivals, doubt))
     return replace(found, diagnostics=warnings_first(findings))
 
@@ -174,6 +178,16 @@ def _if_it_mends(
         for rest in found.rests
     ]
     return doubt if _registration(landmarks, "", moved, match, ()).rms_mm <= found.rms_mm else None
+
+
+def _refuse_tip(source: str, doubt: TipDoubt | None, tip_mm: Array) -> None:
+    """A tip that is off by more than sensors and hands make of a right one: every landmark is off by as much."""
+    if doubt is not None and doubt.off_mm >= REFUSED_MM:
+        place = ",".join(f"{x:.1f}" for x in tip_mm + doubt.tip_correction_mm)
+        raise InputError(
+            f"{source}: the tip of {doubt.stylus} is off by {doubt.off_mm:.1f} mm, as its turns at rest show, and "
+            f"every landmark with it; pivot the stylus and give that tip (from these touches it is nearer to {place})"
+        )
 
 
 def _mean(rests: Sequence[Rest]) -> tuple[Array, float]:
