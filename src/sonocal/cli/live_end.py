@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sonocal.cli.calibrate import calibrate, results
+from sonocal.cli.calibrate import calibrate
 from sonocal.cli.options import console, typed
 from sonocal.cli.outputs import write_results
 from sonocal.cli.reading import ESTIMATE
 from sonocal.cli.refusal import refusing
 from sonocal.cli.report import json_with_verdict
+from sonocal.cli.results import results
 from sonocal.cli.screen.plain import say_json
 
 if TYPE_CHECKING:

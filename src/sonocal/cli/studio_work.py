@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sonocal.cli.calibrate import calibrate, parted, results
+from sonocal.cli.calibrate import calibrate
 from sonocal.cli.from_recording import given_recording
 from sonocal.cli.reading import ESTIMATE
+from sonocal.cli.results import parted, results
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
