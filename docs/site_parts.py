@@ -24,7 +24,8 @@ THEIRS = re.compile(
 # Types of ours that are of no use but to be handed on.
 HANDED_ON = {
     "Bytes", "Cell", "Centre", "Compounding", "Content", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images",
-    "Interpolation", "Keywords", "LagFit", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "Peer", "PlaneSamples",
+    "Interpolation", "Keywords", "LagFit", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "Peer",
+    "PlaneSamples",
     "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
