@@ -59,6 +59,8 @@ HANDED_ON = {
     "Interpolation", "Keywords", "LagFit", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "Peer",
     "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table",
     "TargetRows", "Weighting",
+    "PlaneSamples",
+    "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting",
 }  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
 ARRAYS = [

@@ -15,6 +15,7 @@ import sonocal as sc
 from sonocal import igtl, live
 from sonocal.calibration import Options, fit_rows
 from sonocal.detection import PointDetector, WallDetector
+from sonocal.devices import Ndi, OptiTrack, Tracker, Video
 from sonocal.errors import MirroredVolumeError
 from sonocal.existing import Existing
 from sonocal.findings import Diagnostic, Findings
@@ -27,6 +28,7 @@ from sonocal.simulation.scene import simulate_observations
 from sonocal.simulation.sweep import NEEDLE
 from sonocal.studies import Store, load_study
 from tests.builders.recordings import random_recording
+from tests.builders.tracker_devices import FakeNdi
 
 MOST = 400
 LONG = "a\n\x1b[31m\U0001f600" * 500
@@ -47,6 +49,13 @@ def public_classes():
 
 CLASSES = public_classes()
 BY_FIELDS = [one for one in CLASSES if one.__repr__ is brief]
+
+
+def unopened(kind, **fields):
+    """What would need a machine, with what its repr tells."""
+    one = object.__new__(kind)
+    vars(one).update(fields)
+    return one
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +123,10 @@ def shown(tmp_path_factory):
         "server": server,
         "client": client,
         "server of PLUS": sc.igtl.PlusServer(client, LONG),
+        "guide": live.Guide(sc.sweep.Session([NEEDLE], name=LONG)),
+        "NDI": Ndi({}, LONG, api=FakeNdi({})),
+        "OptiTrack": unopened(OptiTrack, _where=LONG, _names={}),
+        "video": unopened(Video, _source=LONG),
         "growing": sc.recording.RecordingStream(LONG),
         "session": session,
         "live": running,
@@ -126,7 +139,9 @@ def shown(tmp_path_factory):
 
 def test_no_public_class_is_left_out(shown):
     made = {type(one) for one in shown.values()} | set(BY_FIELDS)
-    assert set(CLASSES) - made == {Frames}, "make one of it in `shown`"  # which has no objects of its own
+    assert set(CLASSES) - made == {Frames, Tracker}, (
+        "make one of it in `shown`"
+    )  # which have no objects of their own
     assert len(CLASSES) > 50 < len(BY_FIELDS) + 20
     assert {Registration, MirroredVolumeError, sc.Line} <= set(CLASSES)
 

@@ -68,7 +68,7 @@ class Ndi:
         self.close()
 
     def __repr__(self) -> str:
-        return f"<Ndi at {self._where[:80]}: {len(self._names)} tools>"
+        return f"<Ndi at {quoted(self._where)}: {len(self._names)} tools>"
 
     def read(self, timeout_s: float) -> Reading | None:
         """The next reading; the tracker answers at once, whatever the time given.

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 from sonocal.devices.tracker import Reading, pose_of
 from sonocal.errors import InputError, UnsupportedError
+from sonocal.geometry.shown import quoted
 
 __all__ = ["OptiTrack"]
 
@@ -80,7 +81,7 @@ class OptiTrack:
         self.close()
 
     def __repr__(self) -> str:
-        return f"<OptiTrack at {self._where[:80]}: {len(self._names)} rigid bodies>"
+        return f"<OptiTrack at {quoted(self._where)}: {len(self._names)} rigid bodies>"
 
     def read(self, timeout_s: float) -> Reading | None:
         """The next reading; None where none came in time.

@@ -65,7 +65,7 @@ class PlusServer:
         self._identity = 0
 
     def __repr__(self) -> str:
-        return f"<PlusServer at {self._name[:80]}>"
+        return f"<PlusServer at {quoted(self._name)}>"
 
     def transform(self, name: str) -> HeldTransform | None:
         """The transform of that name, such as "ImageToProbe"; None where there is none.

@@ -14,7 +14,7 @@ from sonocal.validation.coverage import coverage_of
 
 __all__ = ["Advice", "Answers", "where_few_are"]
 
-Advice = Callable[[CandidateCalibration | None, State], "Hold | str"]
+Advice = Callable[[CandidateCalibration | None, State], Hold | str]
 """What to do next, as a pose or in words: of the last fit (None before there is one) and of the moment."""
 
 FIRST, LEAST_NEW, GROWTH = 20, 5, 1.25
