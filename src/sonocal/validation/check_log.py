@@ -22,7 +22,8 @@ CHECKS_FORMAT, VERSION = "sonocal-check", 1
 ENDING = ".checks.jsonl"
 
 
-class CheckRecord(msgspec.Struct, frozen=True, omit_defaults=False):
+@dataclass(frozen=True)
+class CheckRecord:
     """A line of the log.
 
     Attributes:
@@ -60,6 +61,8 @@ class CheckRecord(msgspec.Struct, frozen=True, omit_defaults=False):
     sonocal: str = ""
     format: str = CHECKS_FORMAT
     version: int = VERSION
+
+    __repr__ = brief
 
     @classmethod
     def of(cls, check: Check, **origin: Any) -> CheckRecord:
