@@ -55,13 +55,6 @@ HANDED_ON = {
     "Weighting",
     "Workforce",
 }
-    "Bytes", "Cell", "Centre", "Compounding", "Content", "CrosswireFit", "Detector", "Fan", "Fit", "Fixed", "Images",
-    "Interpolation", "Keywords", "LagFit", "MappedRows", "MappedTargets", "Model", "Noise", "OnInvalid", "Peer",
-    "PlaneSamples", "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table",
-    "TargetRows", "Weighting",
-    "PlaneSamples",
-    "PointLineRows", "PointsKeywords", "Progress", "Said", "SpannedRows", "Speckle", "Table", "TargetRows", "Weighting",
-}  # fmt: skip
 # Arrays as the source writes them, not as they are spelt out.
 ARRAYS = [
     (
