@@ -84,12 +84,12 @@ def label_findings(labels: Association | None, names: Sequence[str]) -> Iterator
     """
     if labels is None:
         return
-    numbers = ", ".join(f"{i + 1} {name}" for i, name in enumerate(sorted(set(names))))
+    numbers = ", ".join(f"{i + 1} {name}" for i, name in enumerate(sorted(set(names))))[:250]
+    given, count = int(np.count_nonzero(labels.labels >= 0)), len(labels.labels)
     yield Diagnostic(
         code="labels-given",
         severity="info",
-        message=f"{int(np.count_nonzero(labels.labels >= 0))} of {len(labels.labels)} candidates were labelled; "
-        f"{_next_best(labels)}; in the contact sheet: {numbers}"[:400],
+        message=f"{given} of {count} candidates were labelled; {_next_best(labels)}; in the contact sheet: {numbers}",
         advice="nothing, if the numbers in the contact sheet are where these wires are",
     )
     if labels.verdict == "found":
