@@ -158,7 +158,9 @@ class _Search:
         """Where else it rested."""
         for rest in self._rests(tip_mm):
             if self._lasts(rows := self._to_its_ends(rest, tip_mm)) >= TOUCH_S:
-                self._add("touch", rows, rest)
+                # Of a tool that is put down for a moment everything rests, its tip, too.
+                lay = turns_deg(self.matrices[rows, :3, :3])[2] < STILL_DEG
+                self._add("still" if lay else "touch", rows, None if lay else rest)
 
     def _borne_out(self, window: Window) -> Array | None:
         """The tip of the whole pivot that a window is of."""
