@@ -218,6 +218,14 @@ def folders(folder):
     return [folder / "images", folder / "dicom"]
 
 
+# Of two checks, the line of one.
+CHECKED = (
+    b'{"checked":"2026-03-01T09:00:00+00:00","verdict":"holds","moved_mm":0.1,"turned_deg":0.2,"scale_change":0.0,'
+    b'"p_value":0.5,"tolerance_mm":1.0,"power_mean":0.9,"power_least":0.2,"visible_mm":null,"rows":90,'
+    b'"format":"sonocal-check","version":1}\n'
+)
+
+
 def files(**contents):
     """Makes files of these contents; an underscore in a name stands for the dot."""
 
@@ -312,6 +320,7 @@ SOUND = {
     "truth of a simulated sweep": files(
         a_json=lambda: truth_json(simulate_sweep(curvilinear(64, 64, 1.5), BATH, SweepOptions(frames=3)))
     ),
+    "log of checks": files(a_jsonl=CHECKED + CHECKED.replace(b"holds", b"changed")),
     "page of sonocal": files(a_html=lambda: report_html(some_calibration()), b_html=OLD_PAGE),
     "needles, wires, points, planes": files(
         a_toml=LINE.encode(),

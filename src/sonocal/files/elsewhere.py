@@ -75,7 +75,7 @@ def is_truth(head: Head) -> bool:
 
 def is_checks(head: Head) -> bool:
     """Whether it is a log of checks."""
-    return head.suffix == ".jsonl" and head.text.startswith(b"{") and b'"sonocal-check"' in head.text[:4000]
+    return head.text.startswith(b"{") and b'"sonocal-check"' in head.text[:4000]
 
 
 def is_study(head: Head) -> bool:

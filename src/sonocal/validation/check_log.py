@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import os
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -144,7 +145,7 @@ def read_check_log(path: str | Path) -> CheckLog:
     """
     path = path_of(path)
     checks, damaged = [], []
-    for number, line in enumerate(read_bytes(path).splitlines(), 1):
+    for number, line in enumerate(read_bytes(path).removeprefix(BOM_UTF8).splitlines(), 1):
         if not line.strip():
             continue
         try:
