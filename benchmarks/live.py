@@ -21,7 +21,7 @@ import sonocal as sc
 from sonocal import igtl
 from sonocal.live import GREETING, Live
 from sonocal.recording import Recording
-from sonocal.recording.formats.growing import GrowingSequence
+from sonocal.recording.formats import GrowingSequence
 from sonocal.simulation.sweep import SweepOptions, simulate_sweep
 from sonocal.simulation.sweep_files import write_sweep
 from sonocal.simulation.ultrasound import BATH

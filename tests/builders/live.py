@@ -6,7 +6,7 @@ from contextlib import closing, contextmanager
 
 from sonocal import igtl
 from sonocal.live import GREETING, Live, Pairing, Replay
-from sonocal.recording.formats.growing import GrowingSequence
+from sonocal.recording.formats import GrowingSequence
 from sonocal.simulation.sweep import NEEDLE, SweepOptions, simulate_sweep
 from sonocal.sweep import Session
 

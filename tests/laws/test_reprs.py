@@ -238,6 +238,7 @@ BARE = {
     "power_least",
     # shares
     "share",
+    "share_of_labels",
     "invalid",
     "gaps",
     "reordered",

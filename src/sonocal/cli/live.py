@@ -60,7 +60,7 @@ class Millimetres(click.ParamType[float]):
 
 
 @command(
-    "Calibrate while scanning, from an OpenIGTLink server such as PLUS.",
+    "Calibrate while scanning, from an OpenIGTLink server.",
     groups={
         "What is read": ("connect", "lines", "image", "probe", "latency_s", "on_invalid"),
         "How the needle is found in images": ("count", "centre"),
@@ -214,7 +214,7 @@ def _session(lines: Path, options: dict[str, Any]) -> Session:
 def _keep_in(session: Session, output: Path) -> None:
     """Let what comes be kept in files of a folder."""
     from sonocal.files import make_folder, remove
-    from sonocal.recording.formats.growing import GrowingSequence
+    from sonocal.recording.formats import GrowingSequence
 
     make_folder(output)
     for name in (RECORDING, IMAGES):  # reserve() asked

@@ -21,7 +21,7 @@ SHARE = click.FloatRange(0, 1, max_open=True)
 
 
 @command(
-    "Serve a recording over OpenIGTLink, as PLUS serves what it acquires.",
+    "Serve a recording over OpenIGTLink, as PLUS would.",
     groups={
         "What is read": ("poses", "angles", "markers", "on_invalid"),
         "How it is sent": ("rate_hz", "apart", "loop"),

@@ -7,7 +7,7 @@ import pytest
 
 import sonocal as sc
 from sonocal.recording import Item
-from sonocal.recording.formats.growing import GrowingSequence
+from sonocal.recording.formats import GrowingSequence
 
 PROBE = ("Probe", "Tracker")
 

@@ -4,6 +4,7 @@ A new format is a file here that ends with its `FORMAT`, and a line in `registry
 made of is in `parts`. docs/formats.md has the steps.
 """
 
+from sonocal.recording.formats.parts.growing import GrowingSequence
 from sonocal.recording.formats.registry import read_recording, write_recording
 
-__all__ = ["read_recording", "write_recording"]
+__all__ = ["GrowingSequence", "read_recording", "write_recording"]
