@@ -23,6 +23,7 @@ from sonocal.geometry import AxisScaled, Similarity
 from sonocal.geometry.shown import brief
 from sonocal.reconstruction import Grid, LiveVolume
 from sonocal.recording import ArrayFrames, Frames
+from sonocal.recording.formats import GrowingSequence
 from sonocal.registration import Registration, point_line, register
 from sonocal.simulation.scene import simulate_observations
 from sonocal.simulation.sweep import NEEDLE
@@ -128,6 +129,7 @@ def shown(tmp_path_factory):
         "OptiTrack": unopened(OptiTrack, _where=LONG, _names={}),
         "video": unopened(Video, _source=LONG),
         "growing": sc.recording.RecordingStream(LONG),
+        "growing file": GrowingSequence(folder / "growing.mhd"),
         "session": session,
         "live": running,
         "pairing": live.Pairing(),

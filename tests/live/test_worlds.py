@@ -107,7 +107,10 @@ def test_a_second_client_gets_the_same(sweep, tmp_path):
         live_at(server.port, folders[1]) as two,
     ):
         until(lambda: len(server.peers) == 2)
-        Replay(sweep).run(server, threading.Event(), rate_hz=400)
+        replay = Replay(sweep)
+        replay.run(server, threading.Event(), rate_hz=400)
+        sent = sum(len(list(replay.messages(i))) for i in range(40))  # the last image's poses come behind it
+        until(lambda: all(running.client.received >= sent for running in (one, two)))
         until(lambda: one.pairing.images == two.pairing.images == 40)
         one.close()
         two.close()

@@ -64,7 +64,7 @@ class RecordingStream:
         return len(self._times)
 
     def __repr__(self) -> str:
-        return f"<RecordingStream {self._provenance.name[:40]!r}: {len(self)} items>"
+        return f"<{type(self).__name__} {self._provenance.name[:40]!r}: {len(self)} items>"
 
     def add(self, item: Item) -> None:
         """Add an item.
