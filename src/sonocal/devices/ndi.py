@@ -15,13 +15,13 @@ import re
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from sonocal.devices.tracker import Reading, pose_of
 from sonocal.errors import InputError, UnsupportedError
+from sonocal.files.closing import Closing
 from sonocal.geometry import Array
 from sonocal.geometry.shown import quoted
 
@@ -34,7 +34,7 @@ _LOST = re.compile(r"([0-9A-F]{2})(?:MISSING|DISABLED|UNOCCUPIED)")
 ANY_PORT = "PHRQ:*********1****"
 
 
-class Ndi:
+class Ndi(Closing):
     """Tools by the names given here, in the tracker's frame, mm.
 
     Args:
@@ -58,14 +58,6 @@ class Ndi:
         except InputError:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<Ndi at {quoted(self._where)}: {len(self._names)} tools>"

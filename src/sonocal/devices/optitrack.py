@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from sonocal.devices.tracker import Reading, pose_of
 from sonocal.errors import InputError, UnsupportedError
+from sonocal.files.closing import Closing
 from sonocal.geometry.shown import quoted
 
 __all__ = ["OptiTrack"]
@@ -20,7 +20,7 @@ NAMES_S = 1.0
 COMMAND_PORT, DATA_PORT = 1510, 1511
 
 
-class OptiTrack:
+class OptiTrack(Closing):
     """Rigid bodies by the names that Motive gives them, in its frame: y up, in mm.
 
     Args:
@@ -71,14 +71,6 @@ class OptiTrack:
             raise InputError(
                 f"{self._where}: no Motive answers there ({reason}); see its streaming pane for address and port"
             ) from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<OptiTrack at {quoted(self._where)}: {len(self._names)} rigid bodies>"

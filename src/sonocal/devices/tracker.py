@@ -49,17 +49,14 @@ class Tracker(Protocol):
 
 def pose_of(quaternion_wxyz: ArrayLike, place_mm: ArrayLike) -> Array | None:
     """(4, 4) of a quaternion and a place; None where they are none, as of a tool that is lost."""
+    from scipy.spatial.transform import Rotation
+
     w, x, y, z = np.asarray(quaternion_wxyz, dtype=float)
     place = np.asarray(place_mm, dtype=float)
     length = np.sqrt(w * w + x * x + y * y + z * z)
     if not (np.isfinite(place).all() and abs(length - 1.0) <= UNIT):
         return None
-    w, x, y, z = np.array([w, x, y, z]) / length
     pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
+    pose[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
     pose[:3, 3] = place
     return pose

@@ -5,19 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import InputError, UnsupportedError
+from sonocal.files.closing import Closing
 from sonocal.geometry.shown import quoted
 
 __all__ = ["Video"]
 
 
-class Video:
+class Video(Closing):
     """Grey images one after the other, with the time at which each arrived.
 
     Args:
@@ -55,14 +55,6 @@ class Video:
         if not self._container.streams.video:
             self.close()
             raise InputError(f"{self._source}: has no images; name a video, or a device that gives one")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<Video {quoted(self._source)}>"

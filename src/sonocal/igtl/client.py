@@ -8,10 +8,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 from sonocal.errors import FormatError, InputError
+from sonocal.files.closing import Closing
 from sonocal.igtl.mailbox import Mailbox
 from sonocal.igtl.message import Message, encode
 from sonocal.igtl.stream import Stream
@@ -42,7 +41,7 @@ def address(text: str) -> tuple[str, int]:
     return host, number
 
 
-class Client:
+class Client(Closing):
     """Messages of a server, from a thread of its own, which connects again when the server went.
 
     Attributes:
@@ -84,14 +83,6 @@ class Client:
         self._stream: Stream | None = self._connect()
         self._thread = threading.Thread(target=self._run, name=f"receives from {self._peer}", daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         there = "connected" if self.connected else "not connected"

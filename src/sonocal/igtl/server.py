@@ -8,10 +8,9 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Self
 
 from sonocal.errors import FormatError, InputError
+from sonocal.files.closing import Closing
 from sonocal.geometry.shown import brief
 from sonocal.igtl.fields import Bytes
 from sonocal.igtl.mailbox import Mailbox
@@ -122,7 +121,7 @@ class Arrival:
     __repr__ = brief
 
 
-class Server:
+class Server(Closing):
     """Listens on this machine alone unless told otherwise.
 
     Attributes:
@@ -154,14 +153,6 @@ class Server:
         self._box: Mailbox[Arrival] = Mailbox(MOST_WAITING, MOST_WAITING_BYTES)
         self._thread = threading.Thread(target=self._accept, name=f"listens on {self.port}", daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<Server on {self.host}:{self.port}: {len(self.peers)} connected>"

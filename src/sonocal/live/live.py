@@ -8,12 +8,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from types import TracebackType
-from typing import Self
 
 from sonocal import igtl
 from sonocal.detection import Detections
 from sonocal.errors import InputError
+from sonocal.files.closing import Closing
 from sonocal.live.answers import Advice, Answers
 from sonocal.live.clock import TICKS
 from sonocal.live.pairing import Pairing
@@ -33,7 +32,7 @@ SEEN_S = 0.5
 MOST_SAID = 50
 
 
-class Live:
+class Live(Closing):
     """A session that is fed by a server.
 
     What arrives is recorded by one thread, and looked into by another: images that come faster than they are looked
@@ -78,14 +77,6 @@ class Live:
         ]
         for thread in self._threads:
             thread.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<Live: {self.pairing.images} images, {len(self.session.stream)} recorded>"
