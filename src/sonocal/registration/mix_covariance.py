@@ -17,8 +17,9 @@ FREE = 1e-9
 MOST_ROUNDS, AT_REST = 30, 1e-3
 # A level that so few degrees of freedom are left to tell is taken for that of all rows, and for this unsure.
 FEWEST_SPARE = 0.5
-# Of the mean square: weights are finite also where a part has no error at all.
-LEAST_LEVEL = 1e-6
+# Of the mean square, for a level that s degrees of freedom tell: 1 / (2 + s). A few residuals that happen to be small do
+# not show that a part has no error, and with a level of nothing no truth lies within the region that is stated.
+AHEAD = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +184,7 @@ def _levels(parts: Parts, common: float) -> Array:
         spare = parts.counts - np.einsum("ab,lba->l", inverse, parts.grams) / levels
         told = spare > FEWEST_SPARE
         new = np.where(told, left / np.where(told, spare, 1.0), common)
-        new = np.maximum(new, LEAST_LEVEL * common)
+        new = np.maximum(new, common / (AHEAD + np.maximum(spare, 0.0)))
         change = float(np.abs(np.log(new / levels)).max())
         levels = new
         if change < AT_REST:
