@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import warnings
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +64,8 @@ ODD = [
     object,
 ]
 NEEDLE = b'[[line]]\nname = "a"\nframe = "Needle"\nfrom_mm = [0.0, 0.0, 0.0]\nto_mm = [0.0, 0.0, -333.0]\n'
+# Of the commands that write a report, how many are asked not to.
+UNREPORTED = 0.8
 # Of commands, what is asked of files: each is damaged now and then.
 COMMANDS: list[list[str]] = [
     ["calibrate", "table.csv", "-o", "out", "--overwrite"],
@@ -121,7 +123,7 @@ def options(h: Hostile) -> dict[str, Any]:
 
 def mixed(h: Hostile) -> sc.Observations:
     """A table of points, lines and planes."""
-    _, rows = mixed_table(int(h.random.integers(50)), h.pick([1, 3, 8]), flat=h.pick([True, False]))
+    rows = mixed_rows(int(h.random.integers(50)), h.pick([1, 3, 8]), h.pick([True, False]))
     scale = h.pick([1.0, 1e-3, 1e6, 1e-9, 0.0]) if h.spoils() else 1.0
     names = h.pick([rows.target, rows.frame.astype(str), np.full(len(rows), "wall")])
     return sc.Observations.of_targets(
@@ -133,9 +135,7 @@ def table(h: Hostile) -> sc.Observations:
     if h.random.random() < 0.2:
         return mixed(h)
     dimension = h.pick([2, 2, 3])
-    rows = simulate_observations(
-        dimension, h.pick([4, 5, 8, 20, 40]), seed=int(h.random.integers(50))
-    ).observations
+    rows = simulated_rows(dimension, h.pick([4, 5, 8, 20, 40]), int(h.random.integers(50)))
     columns: dict[str, Any] = {"frame": rows.frame, "target": rows.target}
     if h.spoils():
         columns[h.pick(["frame", "target", "split", "sigma_px", "sigma_mm", "extra"])] = h.pick(
@@ -212,6 +212,9 @@ def loaded(h: Hostile) -> None:
 def commanded(h: Hostile) -> None:
     """A command of damaged files, in a folder of its own."""
     command = [*h.pick(COMMANDS), *(h.pick(FLAGS) if h.random.random() < 0.5 else [])]
+    # A report takes a hundred times as long as the rest of a command.
+    if "out" in command and h.random.random() < UNREPORTED and "--no-report" not in command:
+        command.append("--no-report")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, content in files().items():
@@ -243,6 +246,16 @@ def damaged(h: Hostile, content: bytes) -> bytes:
         kind = h.pick(KINDS)
         content = kind(content, *map(int, h.random.integers(10**6, size=2))) if content else content
     return content
+
+
+@cache
+def simulated_rows(dimension: int, count: int, seed: int) -> sc.Observations:
+    return simulate_observations(dimension, count, seed=seed).observations
+
+
+@cache
+def mixed_rows(seed: int, count: int, flat: bool) -> sc.Observations:
+    return mixed_table(seed, count, flat=flat)[1]
 
 
 @lru_cache

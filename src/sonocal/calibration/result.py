@@ -6,7 +6,7 @@ import datetime
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -474,6 +474,7 @@ def _scale_count(model: Model, dimension: int) -> int:
     return max(scale_count(model, dimension), 1)
 
 
+@cache
 def _versions() -> dict[str, str]:
     from importlib.metadata import version
 

@@ -17,8 +17,8 @@ FREE = 1e-9
 MOST_ROUNDS, AT_REST = 30, 1e-3
 # A level that so few degrees of freedom are left to tell is taken for that of all rows, and for this unsure.
 FEWEST_SPARE = 0.5
-# Of the mean square, for a level that s degrees of freedom tell: 1 / (2 + s). A few residuals that happen to be small do
-# not show that a part has no error, and with a level of nothing no truth lies within the region that is stated.
+# A level that s degrees of freedom tell is at least 1 / (2 + s) of the mean square: a few residuals that happen to be
+# small do not show that a part has no error, and with a level of nothing no truth lies within the region stated.
 AHEAD = 2.0
 
 

@@ -14,6 +14,12 @@ __all__ = ["PARAMETERS", "refuse_chance", "refuse_few", "refuse_free", "refuse_f
 
 # Of a similarity: three of rotation, three of translation, one of scale.
 PARAMETERS = 7
+# Of a size or a scale that is divided by.
+LEAST = 1e-300
+# Where the search for any solution begins: no turn, and two radians either way about each axis; quaternions (w, axis).
+TURNS = np.vstack(
+    [np.eye(4)[0], *(np.cos(1.0) * np.eye(4)[0] + way * np.sin(1.0) * np.eye(4)[1:] for way in (1, -1))]
+)
 
 
 def refuse_chance(
@@ -66,23 +72,40 @@ def refuse_free_about(constraints: Rows, similarity: Similarity, *, scale_known:
 
 
 def _any_solution(constraints: Rows) -> Similarity:
-    """One of the similarities that rows which determine none allow: least squares from several turns."""
+    """One of the similarities that rows which determine none allow: least squares from several turns.
+
+    A quaternion's length is the square root of the scale: residuals are then polynomials, with simple derivatives.
+    """
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
     points, normals, offsets = constraints.points, constraints.planes[:, :3], constraints.planes[:, 3]
     centre = points.mean(axis=0)
-    size = max(float(np.abs(points - centre).max()), 1e-300)
-    reach = max(float(np.abs(offsets).max()), 1e-300)
-
-    def similarity(v: Array) -> Similarity:
-        rotation = Rotation.from_rotvec(v[:3]).as_matrix()
-        scale = float(np.exp(v[6])) * reach / size
-        return Similarity(rotation, reach * v[3:6] - scale * rotation @ centre, scale)
+    size = max(float(np.abs(points - centre).max()), LEAST)
+    reach = max(float(np.abs(offsets).max()), LEAST)
+    points, offsets = (points - centre) / size, offsets / reach
+    along = np.einsum("ij,ij->i", normals, points)
+    across = np.cross(points, normals)
 
     def residuals(v: Array) -> Array:
-        return np.asarray((np.einsum("ij,ij->i", normals, similarity(v) @ points) + offsets) / reach)
+        w, axis, shift = v[0], v[1:4], v[4:]
+        turned = 2.0 * (points @ axis * (normals @ axis) + w * (across @ axis))
+        return np.asarray((w * w - axis @ axis) * along + turned + normals @ shift + offsets)
 
-    turns = [np.zeros(3), *(2.0 * np.eye(3)), *(-2.0 * np.eye(3))]
-    fits = [least_squares(residuals, np.concatenate([turn, np.zeros(4)])) for turn in turns]
-    return similarity(min(fits, key=lambda fit: fit.cost).x)
+    def derivatives(v: Array) -> Array:
+        w, axis = v[0], v[1:4]
+        of_w = 2.0 * (w * along + across @ axis)
+        of_axis = 2.0 * (
+            (points @ axis)[:, None] * normals
+            + (normals @ axis)[:, None] * points
+            + w * across
+            - np.outer(along, axis)
+        )
+        return np.column_stack([of_w, of_axis, normals])
+
+    fits = [least_squares(residuals, np.r_[turn, np.zeros(3)], derivatives) for turn in TURNS]
+    best = min(fits, key=lambda fit: fit.cost).x
+    length = float(np.linalg.norm(best[:4]))
+    scale = max(length**2, LEAST) * reach / size
+    rotation = Rotation.from_quat(best[[1, 2, 3, 0]]).as_matrix() if length > LEAST else np.eye(3)
+    return Similarity(rotation, reach * best[4:] - scale * rotation @ centre, scale)
