@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sonocal as sc
@@ -186,6 +186,7 @@ def fields_of(kind):
 
 
 @pytest.mark.parametrize("kind", BY_FIELDS, ids=lambda kind: f"{kind.__module__}.{kind.__name__}")
+@settings(max_examples=25)
 @given(st.data())
 def test_a_repr_of_fields_is_one_short_line_whatever_they_hold(kind, data):
     values = {name: data.draw(VALUES) for name in fields_of(kind)}

@@ -26,7 +26,7 @@ MOST_PLACES = 30
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(data=st.data(), change=damage())
 def test_damaged_files_end_in_a_sentence(tmp_path_factory, name, data, change):
     content = data.draw(st.sampled_from(sound_files(name)))
