@@ -5,7 +5,13 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+import time
 from typing import Self
+
+import numpy as np
+
+from sonocal.devices import Reading
+from sonocal.recording import Recording
 
 CONNECT, SERVER_INFO, ASK_MODELS, MODELS, FRAME = 0, 1, 4, 5, 7
 
@@ -119,3 +125,45 @@ class FakeNdi:
         self.open = False
 
     ndiCloseNetwork = ndiClose  # noqa: N815
+
+
+class Played:
+    """A recording as a tracker and a frame grabber on one desk would give it: each pose before and behind its image."""
+
+    def __init__(self, recording: Recording, each_s: float = 0.01) -> None:
+        self._recording, self._each_s = recording, each_s
+        self._turn = threading.Condition()
+        self._read = self._shown = self.closed = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.closed += 1
+
+    def read(self, timeout_s: float) -> Reading | None:
+        item = self._read // 2
+        with self._turn:
+            in_time = self._turn.wait_for(lambda: self._shown >= (self._read + 1) // 2, timeout_s)
+            if not in_time or item >= len(self._recording):
+                return None
+            time.sleep(self._each_s)
+            now_s = time.time()
+            self._read += 1
+            self._turn.notify_all()
+        poses = self._recording.poses.values()
+        return Reading(now_s, {one.source: one.matrices[item] for one in poses})
+
+    def __iter__(self):
+        for item, image in enumerate(self._recording.frames):
+            with self._turn:
+                if not self._turn.wait_for(lambda item=item: self._read > 2 * item, 60.0):
+                    return
+                time.sleep(self._each_s)
+                now_s = time.time()
+                self._shown += 1
+                self._turn.notify_all()
+            yield now_s, np.asarray(image)
+        with self._turn:
+            self._turn.wait_for(lambda: self._read == 2 * len(self._recording), 60.0)
+        time.sleep(0.5)

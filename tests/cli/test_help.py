@@ -14,11 +14,12 @@ import pytest
 from click.testing import CliRunner
 
 import sonocal as sc
-from sonocal import igtl, live, studio
+from sonocal import devices, igtl, live, studio
 from sonocal.cli.help import COMPLETION, Command
 from sonocal.cli.main import main
 from tests.builders.live import served
 from tests.builders.pages import copy_of, write_files
+from tests.builders.tracker_devices import Played
 
 WIDTHS = (40, 80, 200)
 COMMANDS = sorted(main.commands)
@@ -123,7 +124,11 @@ def there(files, request, monkeypatch):
     if not line.startswith("sonocal live"):
         yield
         return
-    with served(sc.read_recording(files / "sweep.igs.mha")) as port:
+    sweep = sc.read_recording(files / "sweep.igs.mha")
+    played = Played(sweep)
+    monkeypatch.setattr(devices, "open_tracker", lambda text, tools: played)
+    monkeypatch.setattr(devices, "open_video", lambda text: played)
+    with served(sweep) as port:
         monkeypatch.setattr(igtl, "address", lambda _: ("127.0.0.1", port))
         yield
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sonocal import InputError, SonocalError, igtl
-from sonocal.devices import Ndi, OptiTrack, Reading, Video, relay
+from sonocal import InputError, SonocalError, devices, igtl
+from sonocal.devices import Ndi, OptiTrack, Reading, Video, opened, relay
 from sonocal.devices.ndi import tools_of
 from sonocal.devices.tracker import pose_of
 from tests.builders.tracker_devices import FakeMotive, FakeNdi, frame
@@ -65,6 +65,28 @@ def test_packets_that_are_none_are_counted_and_passed_over():
         readings = [tracker.read(LONG_S) for _ in range(3)]
         assert tracker.damaged
     assert all(one.poses.keys() == {"Probe"} for one in readings)
+
+
+def test_a_tracker_is_opened_by_what_one_types():
+    pytest.importorskip("natnet")
+    bodies = [(5, (0.1, 0.2, -0.3), (0, HALF, 0, HALF), True)]
+    with (
+        FakeMotive({5: "Probe"}, [frame(1, bodies)]) as motive,
+        devices.open_tracker(f"optitrack:127.0.0.1:{motive.port}") as tracker,
+    ):
+        reading = None
+        while reading is None:
+            reading = tracker.read(LONG_S)
+    assert reading.poses.keys() == {"Probe"}
+
+
+@pytest.mark.parametrize(
+    ("source", "form"),
+    [("/dev/video0", "v4l2"), ("video=USB Capture", "dshow"), ("sweep.avi", None), ("a/video=1.avi", None)],
+)
+def test_the_form_of_a_video_is_that_of_its_name(source, form, monkeypatch):
+    monkeypatch.setattr(opened, "Video", lambda *given: given)
+    assert devices.open_video(source) == (source, form)
 
 
 def test_no_motive_is_said(monkeypatch):

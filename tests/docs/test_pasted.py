@@ -34,6 +34,11 @@ INSTEAD = {
 }
 # Commands that no test runs, and why. What they name must be there all the same.
 NOT_RUN = {
+    "sonocal live --tracker optitrack:192.168.0.4 --video /dev/video0 --lines needle.toml --latency estimate": (
+        "needs devices; tests/live has some"
+    ),
+    'sonocal live --tracker ndi:/dev/ttyUSB0 --tool Probe=probe.rom --tool Needle=1 --video "video=USB Capture" '
+    "--lines needle.toml --latency estimate": "needs devices; tests/live has some",
     "sonocal replay sweep.igs.mha --port 18945 --rate 30": "waits for a client; tests/live has both",
     "sonocal live --connect localhost:18945 --lines needle.toml --until 1.5mm": "needs a server; tests/live has one",
     "sonocal studio sweep.igs.mha --lines needle.toml": "serves until somebody interrupts; tests/studio runs it",

@@ -12,6 +12,7 @@ import click
 
 from sonocal.cli.help import command
 from sonocal.cli.live_end import calibrated
+from sonocal.cli.live_source import CONNECT, TOOLS, TRACKER, VIDEO, source_of
 from sonocal.cli.options import (
     CENTRE,
     COUNT,
@@ -63,6 +64,7 @@ class Millimetres(click.ParamType[float]):
     "Calibrate while scanning, from an OpenIGTLink server.",
     groups={
         "What is read": ("connect", "lines", "image", "probe", "latency_s", "on_invalid"),
+        "Devices without a server": ("tracker", "tools", "video"),
         "How the needle is found in images": ("count", "centre"),
         "When it ends, and how it guides": ("until_mm", "most_images", "seconds", "most_tilt_deg"),
         "What is known of the set-up": ("scanner_mm_per_px",),
@@ -73,14 +75,13 @@ class Millimetres(click.ParamType[float]):
         "sonocal live --connect localhost:18944 --lines needle.toml",
         "sonocal live --connect localhost:18944 --lines needle.toml --until 0.5mm -o today",
         "sonocal live --connect 192.168.0.7 --lines needle.toml --images 60 --no-report --json -o quick",
+        "sonocal live --tracker optitrack --video /dev/video0 --lines needle.toml --latency estimate",
     ),
 )
-@click.option(
-    "--connect",
-    required=True,
-    metavar="HOST[:PORT]",
-    help="Where the server listens; port 18944 unless said.",
-)
+@CONNECT
+@TRACKER
+@TOOLS
+@VIDEO
 @click.option(
     "--lines",
     "--targets",
@@ -131,7 +132,10 @@ class Millimetres(click.ParamType[float]):
 def live(
     output: Path,
     *,
-    connect: str,
+    connect: str | None,
+    tracker: str | None,
+    tools: tuple[str, ...],
+    video: str | None,
     lines: Path,
     image: str,
     until_mm: float | None,
@@ -144,7 +148,8 @@ def live(
 ) -> None:
     """Calibrate while scanning: move the needle through the image, and be told how good it is already.
 
-    Images and poses come from an OpenIGTLink server: PLUS, 3D Slicer, a scanner's toolkit, or "sonocal replay". What
+    Images and poses come from an OpenIGTLink server: PLUS, 3D Slicer, a scanner's toolkit, or "sonocal replay"; or from
+    a tracker and a frame grabber that have none, with stamps of when each arrived (see --latency estimate). What
     arrives is in OUTPUT/recording.mhd as soon as it is there, whatever happens then. Poses that are not rigid are left
     out unless --on-invalid says otherwise.
 
@@ -159,7 +164,6 @@ def live(
     from sonocal.live import GREETING, Guide, Live, Pairing
     from sonocal.sweep import Reach
 
-    host, port = igtl.address(connect)
     if push is not None:
         igtl.address(push)  # what is wrong with it is said before the scan
     elif yes:
@@ -177,7 +181,8 @@ def live(
     reserve_results(output, names)
     told_s = 0.0 if options["latency_s"] == ESTIMATE else options["latency_s"]
     with ExitStack() as stack:
-        client = stack.enter_context(igtl.Client(host, port, greeting=GREETING))
+        source = stack.enter_context(source_of(connect, tracker, tools, video))
+        client = stack.enter_context(igtl.Client(source.host, source.port, greeting=GREETING))
         _keep_in(session, output)
         stack.callback(session.close)
         pairing = Pairing(image, told_s)
@@ -185,7 +190,8 @@ def live(
         running = stack.enter_context(
             Live(client, session, pairing=pairing, until_mm=until_mm, most_images=most_images, advice=guide)
         )
-        _follow(running, until_mm, seconds)
+        with source.feeding(running.stop):
+            _follow(running, until_mm, seconds)
         client.close()
         found = calibrated(running, output, lines, options, RECORDING)
     if push is not None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from sonocal import igtl
 from sonocal.devices.tracker import Tracker
 from sonocal.errors import SonocalError
 
-__all__ = ["relay"]
+__all__ = ["relay", "relaying"]
 
 READ_S = 0.1
 
@@ -67,3 +68,42 @@ def relay(
         thread.join()
     if failed:
         raise failed[0]
+
+
+@contextmanager
+def relaying(
+    server: igtl.Server,
+    tracker: Tracker,
+    images: Iterable[tuple[float, NDArray[np.uint8]]],
+    ended: Callable[[str], object],
+) -> Iterator[None]:
+    """Serve them beside what is done inside, from the first client on, in a thread that has ended behind it.
+
+    Args:
+        server: to which clients connect.
+        tracker: that is read in a thread of its own.
+        images: as of `relay`.
+        ended: told why, from that thread, where the images end or a device fails before the inside does.
+    """
+    stop = threading.Event()
+
+    def run() -> None:
+        why = "the images ended"
+        while not stop.is_set() and not server.wait_for_peer(READ_S):
+            pass
+        try:
+            relay(server, tracker, images, stop)
+        except SonocalError as error:
+            why = str(error)
+        if not asked.is_set():
+            ended(why)
+
+    asked = threading.Event()
+    thread = threading.Thread(target=run, name="serves a tracker and a video", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        asked.set()
+        stop.set()
+        thread.join()
