@@ -29,6 +29,9 @@ class RivalLabels:
         behind_nats: how much less likely it is, as a logarithm; a shift of each frame, as of its pose, is let be.
         share_of_labels: of the dots that both label, the share that it labels otherwise: 0 for another similarity
             alone.
+        view: what would tell the two apart, such as "tilt the image by 20 degrees about u"; "" where nothing that was
+            tried does.
+        view_apart_mm: how far their dots part then.
     """
 
     name: str
@@ -38,6 +41,8 @@ class RivalLabels:
     apart_mm: float
     behind_nats: float
     share_of_labels: float
+    view: str = ""
+    view_apart_mm: float = 0.0
 
     __repr__ = brief
 

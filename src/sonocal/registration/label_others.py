@@ -9,6 +9,7 @@ from sonocal.registration.association import RivalLabels
 from sonocal.registration.label_errors import Answer
 from sonocal.registration.label_evidence import nats_apart, tells_apart
 from sonocal.registration.label_table import LabelTable
+from sonocal.registration.label_views import telling_view
 
 __all__ = ["LABELLING", "SAME_LABELS", "other_answers"]
 
@@ -42,10 +43,9 @@ def other_answers(
         labels, there = table.as_given(one.settled)[0], Similarity.from_matrix(one.settled.matrix)
         nats, _ = nats_apart(table, best.shifted.costs, one.shifted.costs)
         name = ELSEWHERE if one.name == LABELLING and share <= SAME_LABELS else one.name
-        found.append((
-            RivalLabels(name, labels, there, one.settled.score, apart, nats, share),
-            excluded,
-        ))  # fmt: skip
+        view = telling_view(table, best.settled.matrix, one.settled.matrix)
+        rival = RivalLabels(name, labels, there, one.settled.score, apart, nats, share, *view)
+        found.append((rival, excluded))
     return found
 
 
