@@ -4,6 +4,7 @@ from sonocal.calibration.calibrate import calibrate
 from sonocal.calibration.evidence import evidence_of
 from sonocal.calibration.fit import FittedRows, fit_rows
 from sonocal.calibration.found_targets import FoundTarget
+from sonocal.calibration.labelled import LabelledDots, WireHits
 from sonocal.calibration.options import Options
 from sonocal.calibration.placed import placed_by
 from sonocal.calibration.result import Calibration, calibration_json, load_calibration, parse_calibration
@@ -16,8 +17,10 @@ __all__ = [
     "ErrorStatistics",
     "FittedRows",
     "FoundTarget",
+    "LabelledDots",
     "Options",
     "Sound",
+    "WireHits",
     "calibrate",
     "calibration_json",
     "evidence_of",

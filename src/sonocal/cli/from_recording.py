@@ -19,7 +19,7 @@ from sonocal.cli.told import refuse_units, unit_doubts
 from sonocal.errors import InputError, SonocalError
 
 if TYPE_CHECKING:
-    from sonocal.calibration import Calibration
+    from sonocal.calibration import Calibration, LabelledDots
     from sonocal.geometry import AxisScaled
     from sonocal.observations import Observations
     from sonocal.recording import Recording
@@ -51,6 +51,7 @@ class Result(NamedTuple):
     calibration: Calibration
     files: dict[str, bytes]
     recording: Recording | None = None
+    labels: LabelledDots | None = None
 
 
 class Given(NamedTuple):
@@ -134,7 +135,7 @@ def from_recording(
     )
     table, rows = as_file(rows, TABLE)
     found = _with_provenance(result.calibration, rows, {"recording": source, "lines": lines}, recorded)
-    return Result(rows, found, {TABLE: table, **result.files}, recording)
+    return Result(rows, found, {TABLE: table, **result.files}, recording, result.labels)
 
 
 def at_lag(rows: Observations, found: Calibration) -> Result:
@@ -210,7 +211,7 @@ def _from_images(
             _show_candidates(output, png(contact_sheet(recording, seen)))
         raise
     sheet = png(contact_sheet(recording, seen, found.observations))
-    return Result(found.observations, found.calibration, {SHEET: sheet})
+    return Result(found.observations, found.calibration, {SHEET: sheet}, labels=found.labels)
 
 
 def _show_candidates(output: Path, sheet: bytes) -> None:

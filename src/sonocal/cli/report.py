@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from sonocal.cli.screen.plain import say
 from sonocal.errors import UnsupportedError
 
 if TYPE_CHECKING:
-    from sonocal.calibration import Calibration
+    from sonocal.calibration import Calibration, LabelledDots
     from sonocal.cli.from_recording import Result
     from sonocal.cli.screen.existing import Section
     from sonocal.observations import Observations
     from sonocal.report import FrameImage
     from sonocal.validation import Comparison, Validation
 
-__all__ = ["json_with_verdict", "pictures", "report_files"]
+__all__ = ["json_with_verdict", "pictured", "report_files"]
 
 MOST_PICTURES = 12
 
@@ -31,6 +32,8 @@ def report_files(
     name: str = "report.html",
     other: str = "",
     differences: Sequence[Section] = (),
+    labels: LabelledDots | None = None,
+    images: Mapping[int, Any] = MappingProxyType({}),
 ) -> dict[str, bytes]:
     """The report by its file's name; nothing, and a note on stderr, where its libraries are not installed.
 
@@ -53,6 +56,8 @@ def report_files(
             other=other,
             differences=differences,
             frames=frames,
+            labels=labels,
+            images=images,
         )
     except UnsupportedError as error:
         say(f"Note: {error}", err=True)
@@ -70,24 +75,40 @@ def json_with_verdict(calibration: Calibration, content: bytes) -> dict[str, Any
     return record | {"verdict": give_verdict(calibration), "cannot_show": cannot_show(calibration)}
 
 
-def pictures(result: Result) -> list[FrameImage]:
-    """Some images with the points that the calibration rests on, for the report."""
+def pictured(result: Result) -> dict[str, Any]:
+    """The pictures in the report, by the names of its arguments: labels of wires have pictures that show more."""
+    if result.labels is None:
+        return {"frames": _pictures(result)}
+    from sonocal.report.labels import telling_frames
+
+    frames = telling_frames(result.labels) if result.recording is not None else []
+    return {"labels": result.labels, "images": {one: _grey(result.recording, one) for one in frames}}
+
+
+def _pictures(result: Result) -> list[FrameImage]:
+    """Some images with the points that the calibration rests on."""
     import numpy as np
 
-    from sonocal.detection import as_grey
     from sonocal.report import FrameImage
 
     recording, rows = result.recording, result.rows
     if recording is None or recording.image is None:
         return []
-    dimension = recording.image.dimension
     frames = np.unique(rows.frame)
     shown = []
     for frame in frames[np.unique(np.linspace(0, len(frames) - 1, MOST_PICTURES).astype(int))].tolist():
         here = rows.select(rows.frame == frame)
-        grey = as_grey(recording.frames[frame], dimension, f"{recording.name}, frame {frame}")
-        flat = grey if dimension == 2 else grey.max(axis=0)
-        image = flat.clip(0, 255).astype(np.uint8)
         lines = here.segments_mm if here.lines_only else None  # what is no line is not drawn
-        shown.append(FrameImage(image, here.points_px, lines, f"frame {frame}"))
+        shown.append(FrameImage(_grey(recording, frame), here.points_px, lines, f"frame {frame}"))
     return shown
+
+
+def _grey(recording: Any, frame: int) -> Any:
+    """An image as grey levels, of a volume the greatest along w."""
+    import numpy as np
+
+    from sonocal.detection import as_grey
+
+    dimension = recording.image.dimension
+    grey = as_grey(recording.frames[frame], dimension, f"{recording.name}, frame {frame}")
+    return (grey if dimension == 2 else grey.max(axis=0)).clip(0, 255).astype(np.uint8)

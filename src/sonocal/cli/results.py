@@ -9,7 +9,7 @@ from sonocal.cli.existing import choice_of, refuse_choice
 from sonocal.cli.from_recording import OF_DETECTION, Result, at_lag, at_places, from_recording
 from sonocal.cli.others import misread_records
 from sonocal.cli.reading import OF_READING
-from sonocal.cli.report import pictures
+from sonocal.cli.report import pictured
 from sonocal.cli.told import refuse_units, rotation_of, unit_doubts
 from sonocal.errors import SonocalError
 
@@ -74,7 +74,7 @@ def results(
     refuse_units(source.name, found.diagnostics, accepted=accept_units)
     files = {"calibration.json": calibration_json(found), **result.files}
     if report:
-        files |= report_files(found, result.rows, frames=pictures(result))
+        files |= report_files(found, result.rows, **pictured(result))
     return Results(found, files, misread_records(expectation, found))
 
 

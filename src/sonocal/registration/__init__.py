@@ -10,7 +10,8 @@
 """
 
 from sonocal.registration import solvers
-from sonocal.registration.associate import Association, RivalLabels, associate
+from sonocal.registration.associate import associate
+from sonocal.registration.association import Association, RivalLabels
 from sonocal.registration.constraints import (
     FreeMotion,
     Rows,

@@ -137,6 +137,14 @@ class LabelTable:
         sure[labelled] = distances[labelled].min(axis=1) > own + CLEARLY * sigma
         return sure
 
+    def as_given(self, settled: Settled) -> tuple[NDArray[np.int64], Array]:
+        """Labels that are sure and distances (N,) in the order in which the dots were given."""
+        labels, distances = np.empty(len(self.points), dtype=np.int64), np.empty(len(self.points))
+        sure = self.sure(settled)
+        labels[self.order] = np.where(sure, settled.labels, -1)
+        distances[self.order] = np.where(sure, settled.distances_mm, np.nan)
+        return labels, distances
+
     def shuffled(self, by: int) -> LabelTable:
         """The same dots against the wires of other frames."""
         return LabelTable(

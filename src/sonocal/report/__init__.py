@@ -11,6 +11,7 @@ from sonocal.report.figures import (
     plot_residuals_over_image,
     plot_tilts,
 )
+from sonocal.report.labels import plot_labels
 from sonocal.report.page import report_html
 from sonocal.report.pictures import FrameImage, plot_frame
 from sonocal.report.places import plot_place
@@ -25,6 +26,7 @@ __all__ = [
     "plot_checks",
     "plot_frame",
     "plot_frames",
+    "plot_labels",
     "plot_matrix",
     "plot_needles",
     "plot_place",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sonocal.calibration import Calibration, seen_at_assumed_speed
+from sonocal.calibration import Calibration, LabelledDots, seen_at_assumed_speed
 from sonocal.calibration.diagnostics import describe_motion
 from sonocal.calibration.found_targets import target_in_words
 from sonocal.calibration.lagged import lag_in_words
@@ -19,6 +21,7 @@ from sonocal.geometry import area_places
 from sonocal.observations import Observations
 from sonocal.registration.uncertainty import weakest_motion
 from sonocal.report import figures, places, views3d
+from sonocal.report.labels import label_section
 from sonocal.report.page_file import page_summary
 from sonocal.report.pictures import FrameImage, chosen_pictures, picture_svg
 from sonocal.report.style import RC
@@ -43,6 +46,8 @@ def report_html(
     other: str = "",
     differences: Sequence[Difference] = (),
     frames: Sequence[FrameImage] = (),
+    labels: LabelledDots | None = None,
+    images: Mapping[int, NDArray[np.uint8]] = MappingProxyType({}),
     title: str = "Probe calibration",
 ) -> bytes:
     """The report as the content of an HTML file.
@@ -55,6 +60,8 @@ def report_html(
         other: what that one is called, such as its file.
         differences: from matrices of other software.
         frames: images to show, with detections and needles.
+        labels: of several wires whose dots nobody named, which was which.
+        images: (H, W), grey values, some in which those are, by their numbers.
         title: of the page.
 
     Raises:
@@ -72,6 +79,7 @@ def report_html(
     with mpl.rc_context(RC):
         drawn = _drawn(calibration, observations)
         found = _targets_drawn(calibration)
+        labelled = None if labels is None else label_section(calibration, labels, images)
         pictures = [(frame.title, picture_svg(calibration, frame)) for frame in chosen_pictures(frames)]
     made, verdict, source = now(), give_verdict(calibration, validation), _source(calibration)
     return filled(
@@ -92,6 +100,7 @@ def report_html(
         figures=drawn,
         targets=found,
         pictures=pictures,
+        labels=labelled,
         matrix=calibration.probe_from_image.matrix,
         words=_matrix_in_words(calibration),
         weak=_weak_in_words(calibration),

@@ -20,7 +20,7 @@ from sonocal.report.style import DETECTED, TRACKED
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FrameImage", "picture_svg", "plot_frame"]
+__all__ = ["FrameImage", "picture_of", "picture_svg", "plot_frame"]
 
 MOST_PICTURES = 12
 WIDEST_PX = 320
@@ -47,9 +47,7 @@ class FrameImage:
 
 def picture_svg(calibration: Calibration, frame: FrameImage) -> str:
     """A frame as inline SVG: detections as circles; the calibrated needle as a cross or line (paper fig. 8 c, d)."""
-    height, width = frame.image.shape
-    step = max(1, -(-width // WIDEST_PX))
-    size = 0.02 * width
+    size = 0.02 * frame.image.shape[1]
     marks = [
         f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{size:.1f}" class="found"/>'
         for u, v in frame.detected_px[:, :2]
@@ -61,11 +59,18 @@ def picture_svg(calibration: Calibration, frame: FrameImage) -> str:
         else:
             strokes = "M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in path)
         marks.append(f'<path d="{strokes}" class="tracked"/>')
+    return picture_of(frame.image, marks, WIDEST_PX)
+
+
+def picture_of(image: NDArray[np.uint8], marks: Sequence[str], widest_px: int) -> str:
+    """A grey image (H, W) as inline SVG, thinned to a width, with marks over it."""
+    height, width = image.shape
+    step = max(1, -(-width // widest_px))
     # The origin is the centre of the first pixel.
     return (
         f'<svg viewBox="-0.5 -0.5 {width} {height}" role="img" class="picture">'
         f'<image x="-0.5" y="-0.5" width="{width}" height="{height}" preserveAspectRatio="none" '
-        f'href="data:image/png;base64,{_png(frame.image[::step, ::step])}"/>{"".join(marks)}</svg>'
+        f'href="data:image/png;base64,{_png(image[::step, ::step])}"/>{"".join(marks)}</svg>'
     )
 
 

@@ -10,7 +10,7 @@ OUTLIER = "#8a8f98"
 INK = "#20242b"
 FAINT = "#c9ced6"
 # On images, which are grey: as bright as can be.
-DETECTED, TRACKED = "#35e06f", "#ff4136"
+DETECTED, TRACKED, UNUSED = "#35e06f", "#ff4136", "#ffb000"
 ERROR_MAP = "YlOrBr"
 # On the map, which is bright in every look.
 ON_MAP = "#101215"

@@ -8,7 +8,7 @@ from typing import Any
 
 from sonocal.errors import UnsupportedError
 from sonocal.findings import PAGE, anchor_of, begun
-from sonocal.report.style import DETECTED, TRACKED
+from sonocal.report.style import DETECTED, TRACKED, UNUSED
 
 __all__ = ["filled", "now"]
 
@@ -35,7 +35,12 @@ def filled(template: str, **values: Any) -> bytes:
     loader = jinja2.FunctionLoader(lambda name: files("sonocal.report").joinpath(name).read_text("utf-8"))
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"typeset": _typeset, "begun": begun, "coded": _coded}
-    always = {"detected_colour": DETECTED, "tracked_colour": TRACKED, "explained": EXPLAINED}
+    always = {
+        "detected_colour": DETECTED,
+        "tracked_colour": TRACKED,
+        "unused_colour": UNUSED,
+        "explained": EXPLAINED,
+    }
     return environment.get_template(template).render(**always, **values).encode()
 
 

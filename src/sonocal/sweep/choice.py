@@ -13,7 +13,7 @@ from typing import Literal, Unpack
 
 import numpy as np
 
-from sonocal.calibration import Calibration, calibrate
+from sonocal.calibration import Calibration, LabelledDots, calibrate
 from sonocal.calibration.options import Keywords as CalibrationKeywords
 from sonocal.calibration.options import Options
 from sonocal.errors import (
@@ -32,7 +32,7 @@ from sonocal.observations import Observations
 from sonocal.registration import Association
 from sonocal.sweep.agreeing import ENOUGH, Agreeing
 from sonocal.sweep.candidates import Candidates, Mask
-from sonocal.sweep.labels import label_findings, labels_of, widened_mm
+from sonocal.sweep.labels import label_findings, labelled_dots, labels_of, widened_mm
 from sonocal.sweep.options import of_calibrate, refuse_splits
 from sonocal.sweep.settled import settled_at, upper_of_two
 from sonocal.sweep.slice_noise import ASLANT, calibrated_across
@@ -65,6 +65,7 @@ class CandidateCalibration:
         used: sightings that took part.
         reasons: sightings that did not, counted by why.
         options: what it was made with.
+        labels: of several wires in 2D images, which candidate was which wire; None where there was nothing to label.
     """
 
     calibration: Calibration
@@ -74,6 +75,7 @@ class CandidateCalibration:
     used: int
     reasons: dict[str, int]
     options: Options
+    labels: LabelledDots | None = None
 
     __repr__ = brief
 
@@ -166,7 +168,9 @@ def calibrate_chosen(
             *label_findings(labels, candidates.target.tolist()),
         ]
     )
-    return CandidateCalibration(calibration, table.at(fitted), first, total, used, reasons, options)
+    rows = table.at(fitted)
+    dots = labelled_dots(table, labels, rows, calibration)
+    return CandidateCalibration(calibration, rows, first, total, used, reasons, options, dots)
 
 
 def _first_consensus(table: Candidates, total: int, start: AxisScaled | None) -> AxisScaled:

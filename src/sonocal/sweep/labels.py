@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sonocal.calibration import Calibration, LabelledDots
+from sonocal.calibration.labelled import next_best_in_words
 from sonocal.errors import NoConsensusError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
@@ -14,7 +16,7 @@ from sonocal.observations import Observations, group_codes
 from sonocal.registration import Association, associate
 from sonocal.sweep.candidates import TIGHTNESS, Candidates
 
-__all__ = ["label_findings", "labels_of", "widened_mm"]
+__all__ = ["label_findings", "labelled_dots", "labels_of", "widened_mm"]
 
 LEAST_FRAMES = 2
 """With two points or more: hypotheses are made of pairs of one image."""
@@ -66,6 +68,35 @@ def _parts(rows: Observations) -> tuple[Array, NDArray[np.int64], Array] | None:
     return np.asarray(rows.points_px[first]), np.asarray(frame[first]), np.asarray(wires)
 
 
+def labelled_dots(
+    table: Candidates, labels: Association | None, rows: Observations, calibration: Calibration
+) -> LabelledDots | None:
+    """Every candidate, and which wire the calibration has it of; None where there was nothing to label.
+
+    Args:
+        table: all candidates, those of a second look, too.
+        labels: what was found before.
+        rows: that the calibration was fitted to.
+        calibration: of them.
+    """
+    if labels is None:
+        return None
+    every = table.rows
+    names, wire = np.unique(every.target, return_inverse=True)
+    frames, code = np.unique(every.frame, return_inverse=True)
+    wires = np.full((len(frames), len(names), 2, 3), np.nan)
+    wires[code, wire] = every.segments_mm
+    first = np.unique(group_codes(every.frame, *every.points_px.T), return_index=True)[1]
+    points, frame = every.points_px[first], every.frame[first]
+    number = {(int(f), *map(float, p)): i for i, (f, p) in enumerate(zip(frame, points, strict=True))}
+    of, residuals = np.full(len(first), -1, dtype=np.int64), np.full(len(first), np.nan)
+    for row in np.flatnonzero(calibration.inlier):
+        dot = number[(int(rows.frame[row]), *map(float, rows.points_px[row]))]
+        of[dot] = np.searchsorted(names, rows.target[row])
+        residuals[dot] = calibration.residuals_mm[row]
+    return LabelledDots(points, frame, of, residuals, tuple(map(str, names)), frames, wires, labels)
+
+
 def widened_mm(labels: Association, within_mm: float) -> float:
     """How far a wire's own candidates may be, once labels stand: as its noise has it, up to twice as far."""
     if labels.verdict != "found":
@@ -86,10 +117,11 @@ def label_findings(labels: Association | None, names: Sequence[str]) -> Iterator
         return
     numbers = ", ".join(f"{i + 1} {name}" for i, name in enumerate(sorted(set(names))))[:250]
     given, count = int(np.count_nonzero(labels.labels >= 0)), len(labels.labels)
+    begin = f"{given} of {count} candidates were labelled"
     yield Diagnostic(
         code="labels-given",
         severity="info",
-        message=f"{given} of {count} candidates were labelled; {_next_best(labels)}; in the contact sheet: {numbers}",
+        message=f"{begin}; {next_best_in_words(labels)}; in the contact sheet: {numbers}",
         advice="nothing, if the numbers in the contact sheet are where these wires are",
     )
     if labels.verdict == "found":
@@ -102,16 +134,3 @@ def label_findings(labels: Association | None, names: Sequence[str]) -> Iterator
     yield Diagnostic(
         code=f"labels-{labels.verdict}", severity="warning", message=message[:400], advice=ADVICE
     )
-
-
-def _next_best(labels: Association) -> str:
-    """How far the next best explanation is."""
-    if labels.second is None:
-        return "no other labelling comes near"
-    one, power = labels.second, labels.second.behind_nats / np.log(10)
-    less = (
-        "as likely"
-        if power < 1
-        else f"less likely by a factor of {f'10^{power:.0f}' if power < 100 else 'over 10^100'}"
-    )
-    return f"the next best is {one.name}, up to {one.apart_mm:.0f} mm away and {less}"

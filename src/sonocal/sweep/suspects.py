@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
@@ -16,30 +15,24 @@ from sonocal.calibration.options import Options
 from sonocal.calibration.refusals import leading_with
 from sonocal.calibration.rows import point_line_rows
 from sonocal.detection import Detections
-from sonocal.errors import DegenerateGeometryError, InputError, MirroredVolumeError, NoConsensusError
+from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import Diagnostic, Findings
-from sonocal.geometry import Array
-from sonocal.observations import Observations
-from sonocal.recording import Poses, Recording
+from sonocal.recording import Recording
 from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.late import lag_finding, spoiling_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
-from sonocal.setup_checks.placement import GAIN, quick_fit, wrong_frame
+from sonocal.setup_checks.placement import GAIN, wrong_frame
 from sonocal.setup_checks.rows_in_time import RowsInTime
-from sonocal.sweep.tabulate import Posing, tabulated
+from sonocal.sweep.line_trials import GOOD_SHARE, RANKS, LineTrials
+from sonocal.sweep.tabulate import Posing
 from sonocal.targets import Line
 
 __all__ = ["Suspects"]
 
-# Ranks of candidates that are looked at: others are hardly ever the needle.
-RANKS = 2
 OF = "'s"
-# Share of the images' best candidates that agree where all is well, others lie on clutter; and of images in which one
-# of the first two does.
-LEAST_SHARE, GOOD_SHARE = 0.25, 0.6
-# Of trials under which as many agree, but for this share, that counts under which they do so most closely.
-AS_MANY = 0.02
+# Share of the images' best candidates that agree where all is well, others lie on clutter.
+LEAST_SHARE = 0.25
 # Share of the sightings below which it is asked why not more took part: needles are out of view for a while.
 FEW = 0.7
 # What a suspect explains better than the calibration did.
@@ -122,15 +115,9 @@ class Suspects:
                 return tuple(replace(one, message=one.message + said) for one in found)
         return ()
 
-    def _table(self, segments_mm: Array, ranks: int = RANKS) -> Observations:
-        """The best candidates of each image against lines (N, L, 2, 3)."""
-        best = self.detections.select(self.detections.rank < ranks)
-        return tabulated(self.recording, self.lines, best, segments_mm).observations
-
     @cached_property
-    def _segments_mm(self) -> Array:
-        """(N, L, 2, 3): the lines' ends as things stand, in every item."""
-        return self.posing.segments_mm(self.recording, self.lines)
+    def _trials(self) -> LineTrials:
+        return LineTrials(self.recording, self.lines, self.detections, self.posing, self.threshold_mm)
 
     @cached_property
     def _lag(self) -> Lag | None:
@@ -142,11 +129,11 @@ class Suspects:
 
     def _lag_of(self, ranks: int) -> Lag | None:
         """From so many candidates an image: the first are the surest, and in speckle too few of them the needle."""
-        table = self._table(self._segments_mm, ranks)
+        table = self._trials.table(self._trials.segments_mm, ranks)
         names = [line.name for line in self.lines]
         track = np.array([names.index(str(name)) for name in table.target])
         rows = RowsInTime.in_recording(
-            point_line_rows(table), self.recording.times, self._segments_mm, table.frame, track
+            point_line_rows(table), self.recording.times, self._trials.segments_mm, table.frame, track
         )
         return find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
 
@@ -155,8 +142,8 @@ class Suspects:
         given = self.options.scale_mm_per_px
         if given is None:
             return
-        known = self._agreeing(lambda: self._segments_mm, scale_mm_per_px=given)
-        free = self._agreeing(lambda: self._segments_mm)
+        known = self._trials.agreeing(lambda: self._trials.segments_mm, scale_mm_per_px=given)
+        free = self._trials.agreeing(lambda: self._trials.segments_mm)
         if free.part > max(GOOD_SHARE, known.part + GAIN):
             yield Diagnostic(
                 code="known-scale-disagrees",
@@ -174,8 +161,8 @@ class Suspects:
         for (of, to), factor in FACTORS.items():
             words = f"the lines fit when their lengths are multiplied by {factor:.4g} ({of}, where poses are in {to})"
             # Lines that shrink come near one another, and chance with them.
-            trials[words], within[words] = self._longer(factor), min(factor, 1.0)
-        found = self._best(trials, within)
+            trials[words], within[words] = self._trials.longer(factor), min(factor, 1.0)
+        found = self._trials.best(trials, within)
         if found is not None:
             yield Diagnostic(
                 code="implausible-units",
@@ -201,7 +188,7 @@ class Suspects:
             for some in whose
             for how, change in CHANGES.items()
         }
-        found = self._best({words: self._with_poses(*trial) for words, trial in trials.items()})
+        found = self._trials.best({words: self._trials.with_poses(*trial) for words, trial in trials.items()})
         if found is not None:
             yield Diagnostic(
                 code="wrong-poses",
@@ -217,15 +204,10 @@ class Suspects:
         """Lines that fit in the frame of another tool, or in the tracker's."""
         said, known = self.lines[0].frame, self.recording.poses.values()
         names = dict.fromkeys([*self.recording.tools, *(one.target for one in known)])
-        found = self._best(
-            {
-                f"the lines fit when they are taken to be in the frame of {name}, not of {said}": self._in_frame(
-                    name
-                )
-                for name in names
-                if name.lower() not in {line.frame.lower() for line in self.lines}
-            }
-        )
+        own = {line.frame.lower() for line in self.lines}
+        words = "the lines fit when they are taken to be in the frame of {}, not of {}"
+        others = [name for name in names if name.lower() not in own]
+        found = self._trials.best({words.format(name, said): self._trials.in_frame(name) for name in others})
         if found is not None:
             yield wrong_frame(
                 found, "correct the frame in the file of lines, or carry the lines into the one it names"
@@ -233,77 +215,3 @@ class Suspects:
 
     def _is_tracked(self, tool: str) -> bool:
         return sum(one.source.lower() == tool.lower() for one in self.recording.poses.values()) == 1
-
-    def _with_poses(self, tools: list[str], change: Callable[[Array], Array]) -> Callable[[], Array]:
-        """The lines' ends with some tools' poses changed."""
-        names = {tool.lower() for tool in tools}
-        poses = {
-            name: replace(one, matrices=_changed(one, change)) if one.source.lower() in names else one
-            for name, one in self.recording.poses.items()
-        }
-        return lambda: self.posing.segments_mm(replace(self.recording, poses=poses), self.lines)
-
-    def _longer(self, factor: float) -> Callable[[], Array]:
-        """The lines' ends as if they were given in another unit."""
-        lines = [replace(line, segment_mm=line.segment_mm * factor) for line in self.lines]
-        return lambda: self.posing.segments_mm(self.recording, lines)
-
-    def _in_frame(self, frame: str) -> Callable[[], Array]:
-        """The lines' ends as if they were given in another frame."""
-        lines = [replace(line, frame=frame) for line in self.lines]
-        return lambda: self.posing.segments_mm(self.recording, lines)
-
-    def _best(
-        self, trials: dict[str, Callable[[], Array]], within: Mapping[str, float] = MappingProxyType({})
-    ) -> str | None:
-        """The trial under which most agree, in words with how many, if they are far more than as things stand.
-
-        Args:
-            trials: where the lines would be, by what is tried.
-            within: parts of the threshold within which they agree, where less than all of it.
-        """
-        before = self._agreeing(lambda: self._segments_mm)
-        shares = {words: self._agreeing(lines, within.get(words, 1.0)) for words, lines in trials.items()}
-        most = max((share.part for share in shares.values()), default=0.0)
-        alike = [one for one, share in shares.items() if share.part >= most - AS_MANY]
-        words = min(alike, key=lambda one: shares[one].middle_mm, default="")
-        if not shares or not shares[words].part > max(GOOD_SHARE, before.part + GAIN):
-            return None
-        return f"{words}: {shares[words].count} of {shares[words].of} images agree then"
-
-    def _agreeing(
-        self, segments: Callable[[], Array], within: float = 1.0, scale_mm_per_px: float | None = None
-    ) -> _Share:
-        """Sightings that agree with one transform, of those that have a candidate."""
-        try:
-            table = self._table(segments())
-        except InputError:  # nothing connects such a frame to the probe
-            return _Share(0, 1, np.inf)
-        sightings = len(np.unique(table.frame))
-        fit = quick_fit(point_line_rows(table), within * self.threshold_mm, scale_mm_per_px)
-        if fit is None:
-            return _Share(0, sightings, np.inf)
-        agreeing = len(np.unique(table.frame[fit.inlier]))
-        middle_mm = float(np.median(fit.residuals_mm[fit.inlier]))
-        return _Share(agreeing, sightings, middle_mm, float(fit.transform.scales[0]))
-
-
-@dataclass(frozen=True)
-class _Share:
-    """How many images agree, of how many, the distance of the middle one of their rows from its line, the scale."""
-
-    count: int
-    of: int
-    middle_mm: float
-    mm_per_px: float = np.nan
-
-    @property
-    def part(self) -> float:
-        return self.count / self.of
-
-
-def _changed(poses: Poses, change: Callable[[Array], Array]) -> Array:
-    """The matrices with the valid ones changed."""
-    matrices = poses.matrices.copy()
-    matrices[poses.valid] = change(matrices[poses.valid])
-    return matrices
