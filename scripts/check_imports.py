@@ -18,10 +18,9 @@ ROOMS: dict[str, set[str]] = {
     "__main__": {"cli"},
     "cli": ALL,
     "cli.screen": ALL - {"cli"},
-    "live": {"igtl", "sweep", "detection", "recording", "validation"},
-    "devices": {"igtl"},
-    "igtl": {"_core"},
     "studio": {
+        "live",
+        "reconstruction",
         "sweep",
         "calibration",
         "validation",
@@ -31,6 +30,9 @@ ROOMS: dict[str, set[str]] = {
         "registration",
         "targets",
     },
+    "live": {"igtl", "sweep", "detection", "recording", "validation"},
+    "devices": {"igtl"},
+    "igtl": {"_core"},
     "studies": {
         "calibration",
         "observations",

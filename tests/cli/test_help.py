@@ -106,8 +106,10 @@ def files(tmp_path_factory):
     return folder
 
 
-def not_for_ever(folder, opener, first=(), *, host, port, ready):
+def not_for_ever(folder, opener, first=(), *, host, port, ready, begin, recorded):
     """In place of the studio's server, which serves until somebody interrupts: tests/studio runs that."""
+    assert begin is None or callable(begin)
+    assert len(recorded) == 2
     assert callable(opener)
     assert callable(ready)
     assert all(path.exists() for path in first)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sonocal as sc
-from sonocal import igtl, live
+from sonocal import igtl, live, studio
 from sonocal.calibration import Options, fit_rows
 from sonocal.detection import PointDetector, WallDetector
 from sonocal.devices import Ndi, OptiTrack, Tracker, Video
@@ -81,12 +81,14 @@ def shown(tmp_path_factory):
     with igtl.Server() as server:
         client, session = igtl.Client("127.0.0.1", server.port), sc.sweep.Session([NEEDLE], name=LONG)
         with live.Live(client, session) as running:
-            pass
+            feed = studio.Feed(running, LONG, close=client.close)
+            feed.close()
         client.close()
     points = np.column_stack([rows.points_px, np.zeros(len(rows))])
     frames = ArrayFrames(np.zeros((3, 4, 5), np.uint8))
     return {
         "table": rows,
+        "feed": feed,
         "live volume": LiveVolume(np.eye(4), name=LONG),
         "table of a volume": ROWS[3],
         "table of a long name": rows.with_sound(source=LONG),

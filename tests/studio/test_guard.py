@@ -25,7 +25,10 @@ def test_the_cookie_is_kept_from_scripts_and_from_other_sites(sweep, tmp_path):
         assert one.ask(f"/?key={one.key}")[0] == 401, "a key is good once"
 
 
-@pytest.mark.parametrize("path", ["/", "/page/main.js", "/frames/0", "/files/plus.xml", "/?key=wrong"])
+@pytest.mark.parametrize(
+    "path",
+    ["/", "/page/main.js", "/frames/0", "/files/plus.xml", "/live/frame", "/live/slices", "/?key=wrong"],
+)
 def test_without_the_cookie_nothing_is_told(studio, path):
     assert studio.ask(path, Cookie=None)[0] == 401
     assert studio.ask(path, Cookie=studio.jar[:-1] + "?")[0] == 401
@@ -37,7 +40,10 @@ def test_a_foreign_host_is_refused(studio):
     assert studio.ask("/", Host="127.0.0.1:1")[0] == 421
 
 
-@pytest.mark.parametrize(("path", "method"), [("/export", "POST"), ("/open", "POST"), ("/inputs", "PUT")])
+@pytest.mark.parametrize(
+    ("path", "method"),
+    [("/export", "POST"), ("/open", "POST"), ("/inputs", "PUT"), ("/live/end", "POST"), ("/tool", "POST")],
+)
 def test_a_foreign_origin_changes_nothing(studio, path, method):
     for origin in (None, "null", "http://evil.example", f"https://{studio.host}:{studio.port}"):
         assert studio.ask(path, method, b"{}", Origin=origin)[0] == 403

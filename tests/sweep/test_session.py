@@ -79,6 +79,31 @@ def test_a_recording_of_a_stream_stays_as_it_was():
         assert [int(frame[0, 0]) for frame in after.frames] == [7, 0, 9]
 
 
+def test_the_last_items_are_those_of_the_whole_and_an_item_is_as_it_was_added(swept):
+    stream = swept[0].stream
+    whole, last = stream.recording(), stream.recording(len(stream) - 5)
+    np.testing.assert_array_equal(last.times, whole.times[-5:])
+    np.testing.assert_array_equal(last.image_valid, whole.image_valid[-5:])
+    for name, poses in whole.poses.items():
+        np.testing.assert_array_equal(last.poses[name].matrices, poses.matrices[-5:])
+    again = RecordingStream()
+    for index in range(len(stream)):
+        again.add(stream.item(index))
+        assert stream.time_s(index) == whole.times[index]
+    with closing(again):
+        for k in range(5):
+            np.testing.assert_array_equal(last.frames[k], again.recording().frames[len(stream) - 5 + k])
+
+
+def test_what_stood_out_is_told_image_by_image(swept):
+    session = swept[0]
+    seen = [session.stood_out(number) for number in range(session.looked)]
+    assert [item for item, _ in seen] == [
+        session.stream.image_item(number) for number in range(session.looked)
+    ]
+    assert sum(len(points) > 0 for _, points in seen) == session.seen
+
+
 @pytest.mark.parametrize(
     "item, sentence",
     [

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal.cli.help import command
+from sonocal.cli.live_begin import IMAGE, IMAGES, MOST_TILT, RECORDING, UNTIL, keep_in, session_of
 from sonocal.cli.live_end import calibrated
 from sonocal.cli.live_source import CONNECT, TOOLS, TRACKER, VIDEO, source_of
 from sonocal.cli.options import (
@@ -23,7 +24,6 @@ from sonocal.cli.options import (
     NO_REPORT,
     PROBE,
     SCANNER,
-    given,
     output_folder,
     typed,
 )
@@ -31,33 +31,14 @@ from sonocal.cli.outputs import OVERWRITE, reserve, reserve_results
 from sonocal.cli.push import PUSH, YES, push_calibration
 from sonocal.cli.reading import ESTIMATE
 from sonocal.cli.screen.plain import say
-from sonocal.errors import UnsupportedError
 
 if TYPE_CHECKING:
     from sonocal.live import Live, State
-    from sonocal.sweep import Session
 
 __all__ = ["live"]
 
-RECORDING, IMAGES = "recording.mhd", "recording.raw"
 PER_S, LINE_EACH_S = 30.0, 1.0
 KEYS = frozenset("qQ\r\n ")
-
-
-class Millimetres(click.ParamType[float]):
-    """A length such as 0.5mm or 0.5."""
-
-    name = "MM"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number."""
-        try:
-            number = float(str(value).strip().removesuffix("mm"))
-        except ValueError:
-            number = 0.0
-        if not 0 < number < float("inf"):
-            self.fail(f"{value!r} is not a length such as 0.5mm", param, ctx)
-        return number
 
 
 @command(
@@ -90,31 +71,18 @@ class Millimetres(click.ParamType[float]):
     required=True,
     help="The needle or wires: needle.toml or a PLUS device set (XML).",
 )
-@click.option(
-    "--image", default="", metavar="NAME", help="Whose images to take.  [default: the first that come]"
-)
+@IMAGE
 @PROBE
 @LATENCY_OR_ESTIMATE
 @INVALID
 @COUNT
 @CENTRE
-@click.option(
-    "--until",
-    "until_mm",
-    type=Millimetres(),
-    help="End once the predicted error (95 %) is below this everywhere in the image.  [default: a key or ctrl-C ends]",
-)
+@UNTIL
 @click.option("--images", "most_images", type=click.IntRange(1), help="End behind so many images.")
 @click.option(
     "--seconds", type=click.FloatRange(0, min_open=True), help="End after so long.  [default: never]"
 )
-@click.option(
-    "--most-tilt-deg",
-    type=click.FloatRange(5, 80),
-    default=60.0,
-    show_default=True,
-    help="The most that the needle can be tilted; poses to hold next are asked for up to that.",
-)
+@MOST_TILT
 @SCANNER
 @output_folder("live", "the recording, as it comes, and what is calibrated of it")
 @click.option(
@@ -170,7 +138,7 @@ def live(
         raise click.UsageError("--yes is for --push")
     if not typed(("on_invalid",)):
         options["on_invalid"] = "skip"
-    session = _session(lines, options)
+    session = session_of(lines, options)
     names = (
         "calibration.json",
         "observations.csv",
@@ -183,7 +151,7 @@ def live(
     with ExitStack() as stack:
         source = stack.enter_context(source_of(connect, tracker, tools, video))
         client = stack.enter_context(igtl.Client(source.host, source.port, greeting=GREETING))
-        _keep_in(session, output)
+        keep_in(session, output)
         stack.callback(session.close)
         pairing = Pairing(image, told_s)
         guide = Guide(session, Reach(most_tilt_deg=most_tilt_deg))
@@ -197,36 +165,6 @@ def live(
     if push is not None:
         frames = "Image", str(options["probe"])
         push_calibration(found, push, "plus", frames, yes=yes, err=bool(options["as_json"]))
-
-
-def _session(lines: Path, options: dict[str, Any]) -> Session:
-    from sonocal.cli.formats import targets_in
-    from sonocal.sweep import Session
-    from sonocal.targets import Line
-
-    known, fixed = targets_in(lines)
-    needles = [one for one in known if isinstance(one, Line)]
-    if len(needles) < len(known):
-        raise UnsupportedError(
-            f"{lines.name}: holds more than needles and wires, and sonocal live follows these alone; record, and name "
-            "it to sonocal calibrate"
-        )
-    estimated = options["latency_s"] == ESTIMATE
-    how = {name: options[name] for name in ("probe", "on_invalid", "scanner_mm_per_px", "tolerance_mm")}
-    how |= given(("count", "centre"), options) | ({"latency": ESTIMATE} if estimated else {})
-    return Session(needles, fixed=fixed, **how)
-
-
-def _keep_in(session: Session, output: Path) -> None:
-    """Let what comes be kept in files of a folder."""
-    from sonocal.files import make_folder, remove
-    from sonocal.recording.formats import GrowingSequence
-
-    make_folder(output)
-    for name in (RECORDING, IMAGES):  # reserve() asked
-        if (output / name).exists():
-            remove(output / name)
-    session.stream = GrowingSequence(output / RECORDING)
 
 
 def _follow(running: Live, until_mm: float | None, seconds: float | None) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sonocal.cli.calibrate import calibrate
+from sonocal.cli.live_begin import as_recorded
 from sonocal.cli.options import console, typed
 from sonocal.cli.outputs import write_results
 from sonocal.cli.reading import ESTIMATE
@@ -60,10 +61,7 @@ def calibrated(running: Live, output: Path, lines: Path, options: dict[str, Any]
 
 def _words(running: Live, recording: Path, lines: Path, output: Path, options: dict[str, Any]) -> list[str]:
     """The command line that calibrates the recording to the same."""
-    words = [str(recording), "--lines", str(lines), "-o", str(output), "--on-invalid", options["on_invalid"]]
-    latency = options["latency_s"]
-    if latency == ESTIMATE or not running.pairing.apart:  # else poses were taken where the images belong
-        words += ["--latency", str(latency)]
+    words = [str(recording), "--lines", str(lines), "-o", str(output), *as_recorded(running, options)]
     for option in calibrate.params:
         if option.name in HANDED_ON and typed((option.name,)):
             words += [option.opts[0], _word(options[option.name])]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import threading
 import weakref
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -102,27 +103,44 @@ class RecordingStream:
         """How many items have an image."""
         return len(self._stored)
 
+    def time_s(self, index: int) -> float:
+        """When an item was taken."""
+        return self._times[index]
+
+    def image_item(self, number: int) -> int:
+        """Of the items that have an image, the index of one."""
+        return self._stored[number]
+
     def image(self, number: int) -> tuple[int, Image]:
         """Of the items that have an image, the index of one and its image."""
         assert self._spool is not None
         index, spool = self._stored[number], self._spool
         return index, as_frame(self.name, index, spool.read(index), spool.shape, spool.dtype)
 
-    def recording(self) -> Recording:
-        """All items so far; those that come later do not change it.
+    def item(self, index: int) -> Item:
+        """An item as it was added."""
+        with self._lock:
+            poses = {names: found.get(index) for names, found in self._poses.items()}
+            place = bisect_left(self._stored, index)
+            stored = self._stored[place : place + 1] == [index]
+            time_s = self._times[index]
+        return Item(time_s, poses, self.image(place)[1] if stored else None)
+
+    def recording(self, since: int = 0) -> Recording:
+        """All items so far, or those from one on; those that come later do not change it.
 
         Raises:
             InputError: two tools' names differ in spelling alone.
         """
         with self._lock:
-            times, count = np.array(self._times), len(self)
-            poses = [_column(*names, count, found) for names, found in self._poses.items()]
-            valid = np.zeros(count, dtype=bool)
-            valid[self._stored] = True
+            times, end = np.array(self._times[since:]), len(self)
+            poses = [_column(*names, since, end, found) for names, found in self._poses.items()]
+            valid = np.zeros(end - since, dtype=bool)
+            valid[np.array(self._stored[bisect_left(self._stored, since) :], dtype=int) - since] = True
         frames, image = no_frames(), None
         if valid.any():
             assert self._spool is not None
-            frames = _Spooled(self._spool, valid)
+            frames = _Spooled(self._spool, valid, since)
             image = ImageGeometry.of(frames, len(self._spool.shape), "MF")
         by = by_name(poses, self._provenance.name)
         return Recording(times, frames, by, image, valid, provenance=self._provenance)
@@ -181,10 +199,10 @@ class _Spool:
 
 
 class _Spooled(Frames):
-    """The images of the first items (N,); black where an item has none, which is marked invalid."""
+    """The images of some items (N,) in a row; black where an item has none, which is marked invalid."""
 
-    def __init__(self, spool: _Spool, valid: NDArray[np.bool_]) -> None:
-        self._spool, self._valid = spool, valid
+    def __init__(self, spool: _Spool, valid: NDArray[np.bool_], since: int) -> None:
+        self._spool, self._valid, self._since = spool, valid, since
         self.shape, self.dtype = spool.shape, spool.dtype
 
     def __len__(self) -> int:
@@ -194,7 +212,7 @@ class _Spooled(Frames):
         """Image `index`."""
         if not self._valid[index]:
             return np.zeros(self.shape, self.dtype)
-        return as_frame("live", index, self._spool.read(index), self.shape, self.dtype)
+        return as_frame("live", index, self._spool.read(self._since + index), self.shape, self.dtype)
 
 
 @contextmanager
@@ -207,8 +225,8 @@ def _kept(name: object) -> Iterator[None]:
         ) from None
 
 
-def _column(source: str, target: str, count: int, found: Mapping[int, Array]) -> Poses:
-    matrices = np.full((count, 4, 4), np.nan)
-    for index, pose in found.items():
-        matrices[index] = pose
+def _column(source: str, target: str, since: int, end: int, found: Mapping[int, Array]) -> Poses:
+    matrices = np.full((end - since, 4, 4), np.nan)
+    for index in found if since == 0 else filter(found.__contains__, range(since, end)):
+        matrices[index - since] = found[index]
     return Poses.of(source, target, matrices)

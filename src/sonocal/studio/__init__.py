@@ -1,5 +1,6 @@
 """A local web page where a person sees a sweep, mends a point, and watches the error change."""
 
-from sonocal.studio.server import serve
+from sonocal.studio.feed import Feed
+from sonocal.studio.server import Begin, serve
 
-__all__ = ["serve"]
+__all__ = ["Begin", "Feed", "serve"]

@@ -12,7 +12,9 @@ import msgspec
 
 from sonocal.errors import InputError, SonocalError
 from sonocal.studio.desk import Desk
+from sonocal.studio.following import Following
 from sonocal.studio.images import shown_grey
+from sonocal.studio.live_routes import live_routes
 from sonocal.studio.marks import Edit
 from sonocal.studio.page_files import page_files
 from sonocal.studio.uploads import Uploads
@@ -33,8 +35,17 @@ MOST_MESSAGE = 1 << 14
 """Bytes of one message of the page: an edit has a hundred."""
 
 
-def application(desk: Desk, opener: Opener, uploads: Uploads) -> Starlette:
-    """The routes, without the guard before them."""
+def application(
+    desk: Desk, opener: Opener, uploads: Uploads, following: Following | None = None
+) -> Starlette:
+    """The routes, without the guard before them.
+
+    Args:
+        desk: what the page looks at.
+        opener: opens what it sends.
+        uploads: keeps that.
+        following: a live session; None without one.
+    """
     from starlette.applications import Starlette
     from starlette.responses import JSONResponse, Response
     from starlette.routing import Route, WebSocketRoute
@@ -92,6 +103,8 @@ def application(desk: Desk, opener: Opener, uploads: Uploads) -> Starlette:
 
     async def put(request: Request) -> Response:
         try:
+            if following is not None:
+                following.refuse_while_it_goes_on()
             asked = await _json(request)
             source, targets = uploads.path(asked.get("source")), asked.get("targets")
             known = None if targets is None else uploads.path(targets)
@@ -113,6 +126,7 @@ def application(desk: Desk, opener: Opener, uploads: Uploads) -> Starlette:
             Route("/files/{name}", exported),
             Route("/inputs", upload, methods=["PUT"]),
             Route("/open", put, methods=["POST"]),
+            *live_routes(following),
             WebSocketRoute("/events", events),
         ]
     )

@@ -27,9 +27,9 @@ Listener = Callable[[dict[str, Any]], None]
 class Desk:
     """A session, safe to use from several threads.
 
-    What listeners are told are messages by `kind`: "work" (what is on the desk), "progress", "candidates", "marks" and
-    "answer"; a new listener is told all that stands. Every message has the `run` of the server, so that a page knows
-    when it was started anew.
+    What listeners are told are messages by `kind`: "work" (what is on the desk), "progress", "candidates", "marks",
+    "answer" and "live" (a scan that goes on); a new listener is told all that stands. Every message has the `run` of
+    the server, so that a page knows when it was started anew.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -51,7 +51,7 @@ class Desk:
         self._closed = False
         self._exported: dict[str, bytes] = {}
         self._opening: Callable[[], Work] | None = None
-        self._tell("work", {"phase": "empty", "name": "", "folder": str(folder)})
+        self.tell("work", {"phase": "empty", "name": "", "folder": str(folder)})
         self._thread = threading.Thread(target=self._run, name="studio", daemon=True)
         self._thread.start()
 
@@ -68,7 +68,7 @@ class Desk:
         """
         with self._wake:
             self._opening = open_work
-            self._tell("work", {"phase": "opening", "name": "", "folder": str(self.folder)})
+            self.tell("work", {"phase": "opening", "name": "", "folder": str(self.folder)})
             self._wake.notify_all()
 
     def edit(self, edit: Edit) -> None:
@@ -106,7 +106,7 @@ class Desk:
         make_folder(self.folder / EXPORTED)
         write_into_folder(self.folder / EXPORTED, files)
         self._exported = files
-        self._tell("exported", {"files": list(files), "folder": str((self.folder / EXPORTED).resolve())})
+        self.tell("exported", {"files": list(files), "folder": str((self.folder / EXPORTED).resolve())})
         return list(files)
 
     def exported(self, name: str) -> bytes | None:
@@ -162,10 +162,11 @@ class Desk:
         self._marks = edited(self._found, self._journal.edits)
         self._revision += 1
         count = len(standing(self._journal.edits))
-        self._tell("marks", marks_told(self._marks, self._revision, count))
+        self.tell("marks", marks_told(self._marks, self._revision, count))
         self._wake.notify_all()
 
-    def _tell(self, kind: str, content: dict[str, Any]) -> None:
+    def tell(self, kind: str, content: dict[str, Any]) -> None:
+        """Tell all listeners, and those that come; it stands until another of its kind does."""
         message = {"kind": kind, "run": self.run, **content}
         with self._lock:
             self._told.pop(kind, None)
@@ -194,7 +195,7 @@ class Desk:
             traceback.print_exc()
             with self._lock:
                 self._solved = self._revision
-            self._tell("answer", {"revision": self._revision, "refused": refusal_told(error)})
+            self.tell("answer", {"revision": self._revision, "refused": refusal_told(error)})
 
     def _open(self, opening: Callable[[], Work]) -> None:
         try:
@@ -202,17 +203,17 @@ class Desk:
             make_folder(self.folder)
             journal = Journal(self.folder / JOURNAL, work.inputs)
         except SonocalError as error:
-            self._tell(
+            self.tell(
                 "work", {"phase": "refused", "refused": refusal_told(error), "folder": str(self.folder)}
             )
             return
         with self._wake:
             if self._journal is not None:
                 self._journal.close()
-            for kind in ("answer", "candidates", "progress", "marks", "exported"):
+            for kind in ("answer", "candidates", "progress", "marks", "exported", "live"):
                 self._told.pop(kind, None)
             self._work, self._journal, self._found = work, journal, {}
-            self._tell("work", {"phase": "looking", **about(work), "folder": str(self.folder)})
+            self.tell("work", {"phase": "looking", **about(work), "folder": str(self.folder)})
             self._marked()
             self._solved = self._revision  # nothing is answered before all was looked at
         self._look(work)
@@ -229,16 +230,16 @@ class Desk:
             if self._work is not work:
                 return
             self._found = found
-            self._tell("candidates", {"places": candidates_told(work.candidates)})
-            self._tell("work", {"phase": "ready", **about(work), "folder": str(self.folder)})
+            self.tell("candidates", {"places": candidates_told(work.candidates)})
+            self.tell("work", {"phase": "ready", **about(work), "folder": str(self.folder)})
             self._marked()
             if refused is not None and not self._touched:
                 self._solved = self._revision
-                self._tell("answer", {"revision": self._revision, "refused": refused})
+                self.tell("answer", {"revision": self._revision, "refused": refused})
 
     def _progress(self, done: int, total: int) -> None:
         if done == total or done % 8 == 0:
-            self._tell("progress", {"done": done, "of": total})
+            self.tell("progress", {"done": done, "of": total})
 
     def _answer(self) -> None:
         """Calibrate on the marks as they are now."""
@@ -255,4 +256,4 @@ class Desk:
         with self._lock:
             self._solved = revision
             if work is self._work:
-                self._tell("answer", {"revision": revision, "touched": touched, **told})
+                self.tell("answer", {"revision": revision, "touched": touched, **told})

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.studio.app import Opener, application
-from sonocal.studio.desk import JOURNAL, Desk
+from sonocal.studio.desk import EXPORTED, JOURNAL, Desk
+from sonocal.studio.feed import Feed
+from sonocal.studio.following import Following
 from sonocal.studio.guard import Guard
 from sonocal.studio.uploads import Uploads
+from sonocal.studio.work import Work
 
-__all__ = ["serve"]
+__all__ = ["Begin", "serve"]
+
+Begin = Callable[[], tuple[Feed, Callable[[], Work]]]
+"""Begins a live session; and opens what it recorded, once it ended."""
 
 LOOPBACK = "127.0.0.1"
 EVERYWHERE = ("0.0.0.0", "::")
 UPLOADED = "inputs"
+OWN = {JOURNAL, EXPORTED, UPLOADED}
 
 
 def serve(
@@ -27,6 +35,8 @@ def serve(
     *,
     host: str = LOOPBACK,
     port: int = 0,
+    begin: Begin | None = None,
+    recorded: Sequence[str] = (),
     ready: Callable[[str], Any] = lambda address: None,
 ) -> None:
     """Serve the page until somebody interrupts.
@@ -37,6 +47,8 @@ def serve(
         first: what is on the desk from the start: a recording and perhaps what is scanned, or a table.
         host: to listen on; another than the loopback lets other machines in, who need the key, too.
         port: 0 for one that is free.
+        begin: a live session that the page follows, in place of `first`; it records into `folder`.
+        recorded: the names of its files there.
         ready: called with the address to open, which holds the key, when the server listens.
 
     Raises:
@@ -44,44 +56,48 @@ def serve(
         UnsupportedError: starlette, uvicorn or websockets is not installed.
     """
     uvicorn = _uvicorn()
-    refuse_foreign(folder)
-    listening = _listening(host, port)
-    port = int(listening.getsockname()[1])
-    desk = Desk(folder)
-    uploads = Uploads(folder / UPLOADED)
-    guard = Guard(application(desk, opener, uploads), hosts_of(host, port), port)
-    for path in first:
-        uploads.know(path)
-    if first:
-        source, *targets = first
-        desk.put(lambda: opener(source, targets[0] if targets else None))
-    shown = LOOPBACK if host in EVERYWHERE else host
-    named = f"[{shown}]" if ":" in shown else shown
-    config = uvicorn.Config(
-        guard,
-        log_level="warning",
-        ws_max_size=1 << 14,
-        ws_per_message_deflate=False,
-        server_header=False,
-        timeout_graceful_shutdown=1,
-    )
-    server = uvicorn.Server(config)
-    ready(f"http://{named}:{port}/?key={guard.key}")
-    try:
-        server.run(sockets=[listening])
-    finally:
-        desk.close()
-        listening.close()
+    refuse_foreign(folder, recorded)
+    with ExitStack() as stack:
+        listening = stack.enter_context(closing(_listening(host, port)))
+        port = int(listening.getsockname()[1])
+        desk = stack.enter_context(closing(Desk(folder)))
+        following = None
+        if begin is not None:
+            following = stack.enter_context(closing(Following(desk, *begin())))
+        uploads = Uploads(folder / UPLOADED)
+        guard = Guard(application(desk, opener, uploads, following), hosts_of(host, port), port)
+        for path in first:
+            uploads.know(path)
+        if first:
+            source, *targets = first
+            desk.put(lambda: opener(source, targets[0] if targets else None))
+        shown = LOOPBACK if host in EVERYWHERE else host
+        named = f"[{shown}]" if ":" in shown else shown
+        config = uvicorn.Config(
+            guard,
+            log_level="warning",
+            ws_max_size=1 << 14,
+            ws_per_message_deflate=False,
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        ready(f"http://{named}:{port}/?key={guard.key}")
+        uvicorn.Server(config).run(sockets=[listening])
 
 
-def refuse_foreign(folder: Path) -> None:
+def refuse_foreign(folder: Path, recorded: Sequence[str] = ()) -> None:
     """Refuse a folder that holds what no studio wrote.
+
+    Args:
+        folder: for the journal and for what is exported.
+        recorded: the names of files that a live session keeps there.
 
     Raises:
         InputError: it does.
     """
+    own = OWN.union(recorded)
     if folder.exists() and not (
-        folder.is_dir() and ((folder / JOURNAL).exists() or not any(folder.iterdir()))
+        folder.is_dir() and ((folder / JOURNAL).exists() or all(one.name in own for one in folder.iterdir()))
     ):
         raise InputError(f"{folder}: holds other files than the studio's; choose another folder with -o")
 

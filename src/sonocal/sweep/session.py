@@ -16,6 +16,7 @@ from sonocal.calibration.lagged import lag_of_rows
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, Found, detector_of
 from sonocal.errors import InputError, SonocalError
+from sonocal.geometry import Array
 from sonocal.geometry.shown import quoted
 from sonocal.recording import Recording, with_latency
 from sonocal.recording.stream import Item, RecordingStream
@@ -154,6 +155,10 @@ class Session:
         self.seen += len(found[2]) > 0
         self.looked += 1
         return True
+
+    def stood_out(self, number: int) -> tuple[int, Array]:
+        """Of one of the images that it looked into: the item's index, and what stands out, (K, P, D) px, best first."""
+        return self.stream.image_item(number), self._found[number][0]
 
     def fit(self) -> None:
         """Fit what was seen so far: `latest` is the answer, or `refusal` says why there is none."""

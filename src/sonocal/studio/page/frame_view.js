@@ -9,6 +9,7 @@ const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")
 export const drawn = { frames: 0 };
 
 export async function drawFrame() {
+  if (state.work.phase === "live") return; // its images come by themselves
   const size = state.work.size_px, index = state.frame;
   if (!size) { canvas.width = 640; canvas.height = 360; context.clearRect(0, 0, 640, 360); return; }
   const image = await frame(index);
@@ -37,7 +38,7 @@ function overlay(index, px) {
 }
 
 /** @param {number} u @param {number} v @param {number} r @param {string} colour @param {boolean} [struck] */
-function ring(u, v, r, colour, struck) {
+export function ring(u, v, r, colour, struck) {
   context.strokeStyle = colour; context.beginPath();
   context.arc(u + 0.5, v + 0.5, r, 0, 7);
   if (struck) { context.moveTo(u - r, v + r); context.lineTo(u + r, v - r); }
@@ -45,7 +46,7 @@ function ring(u, v, r, colour, struck) {
 }
 
 /** @param {number} u @param {number} v @param {number} r */
-function cross(u, v, r) {
+export function cross(u, v, r) {
   context.strokeStyle = "#ff4136"; context.beginPath();
   context.moveTo(u + 0.5 - r, v + 0.5); context.lineTo(u + 0.5 + r, v + 0.5);
   context.moveTo(u + 0.5, v + 0.5 - r); context.lineTo(u + 0.5, v + 0.5 + r);
@@ -70,7 +71,7 @@ export function moveTo(at_px) {
 
 export function listenToPointer() {
   canvas.addEventListener("pointerdown", (event) => {
-    if (!state.target || !state.work.size_px) return;
+    if (!state.target || !state.work.size_px || state.work.phase === "live") return;
     dragged = place(event);
     if (!dragged) return;
     canvas.setPointerCapture(event.pointerId);

@@ -3,6 +3,7 @@ import { togglePlay } from "./film.js";
 import { exportAll } from "./files.js";
 import { moveTo } from "./frame_view.js";
 import { send } from "./link.js";
+import { endScan, isLive } from "./live.js";
 import { nextWorst } from "./residuals.js";
 import { changed, goTo, markAt, state } from "./state.js";
 
@@ -31,6 +32,7 @@ export function listenToKeys() {
   document.addEventListener("keydown", (event) => {
     const on = /** @type {HTMLElement} */ (event.target);
     if (event.ctrlKey || event.metaKey || event.altKey || /^(TEXTAREA|SELECT)$/.test(on.tagName) || (on.tagName === "INPUT" && !event.shiftKey && on.id !== "seek")) return;
+    if (isLive()) { if (event.key.toLowerCase() === "q") { endScan(); event.preventDefault(); } return; }
     const way = WAYS[event.key];
     if (way && event.shiftKey) nudge(way);
     else if (way && on.id !== "seek") goTo(state.frame + Math.sign(way[0] || way[1]) * (way[0] ? 1 : 10));

@@ -32,13 +32,14 @@ function heard(message) {
   run = message.run || run;
   switch (message.kind) {
     case "work":
-      if (message.name !== state.work.name) { state.answer = null; state.marks = []; state.exported = null; state.frame = 0; }
+      if (message.name !== state.work.name) { state.answer = null; state.marks = []; state.exported = null; state.frame = 0; state.live = null; }
       state.work = message; state.target = (message.targets || []).includes(state.target) ? state.target : (message.targets || [""])[0] || "";
       break;
     case "progress": state.progress = message; break;
     case "candidates": state.candidates = message.places; break;
     case "marks": state.marks = message.marks; state.undoable = message.undoable; state.revision = message.revision; break;
     case "answer": state.answer = message; break;
+    case "live": state.live = message; break;
     case "exported": state.notice = message.said = `Exported ${message.files.length} files into ${message.folder}`; state.exported = message; break;
     case "kept": pending.delete(message.id); return;
     case "refused": pending.delete(message.id); state.notice = message.sentence; break;

@@ -6,8 +6,11 @@ import { drawFrame, drawn, listenToPointer } from "./frame_view.js";
 import { forget } from "./frames.js";
 import { dropOrKeep, listenToKeys, undo } from "./keys.js";
 import { connect } from "./link.js";
+import { drawChanged, drawLive, listenToLive } from "./live.js";
+import { followFrames } from "./live_frames.js";
 import { drawResiduals, listenToResiduals, nextWorst } from "./residuals.js";
 import { drawScene, listenToScene } from "./scene.js";
+import { followSlices } from "./slices.js";
 import { markAt, onChange, state } from "./state.js";
 import { listenToTour } from "./tour.js";
 import { drawFindings, drawHead, drawNumbers, drawVerdict, el } from "./words.js";
@@ -25,9 +28,10 @@ const ANEW = {
   candidates: [drawFrame],
   playing: [drawPlace, drawCharts],
   progress: [drawVerdict],
+  live: [drawLive, () => drawChanged([drawHead, drawVerdict, drawScene])],
   answer: [drawFrame, drawHead, drawVerdict, drawNumbers, drawFindings, drawResiduals, drawScene, drawCoverage, drawButtons],
 };
-const ALL = [drawHead, drawFilm, drawPlace, drawFrame, drawVerdict, drawNumbers, drawFindings, drawFiles, drawResiduals, drawScene, drawCoverage, drawButtons, drawTargets];
+const ALL = [drawLive, followFrames, followSlices, drawHead, drawFilm, drawPlace, drawFrame, drawVerdict, drawNumbers, drawFindings, drawFiles, drawResiduals, drawScene, drawCoverage, drawButtons, drawTargets];
 
 /** The charts' own marks of the frame; while frames play, a few times a second: the frames come first. */
 function drawCharts() {
@@ -62,9 +66,9 @@ function draw() {
 
 by("target").onchange = () => { state.target = by("target").value; draw(); for (const step of ANEW.marks) step(); };
 by("drop").onclick = dropOrKeep; by("undo").onclick = undo; by("worst").onclick = nextWorst; by("export").onclick = exportAll;
-new ResizeObserver(() => { for (const step of [drawFrame, drawResiduals, drawScene, drawCoverage]) step(); }).observe(document.body);
+new ResizeObserver(() => { for (const step of [drawLive, drawFrame, drawResiduals, drawScene, drawCoverage]) step(); }).observe(document.body);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { for (const step of ALL) step(); });
-for (const listen of [listenToPointer, listenToFilm, listenToResiduals, listenToScene, listenToDrops, listenToKeys, listenToTour]) listen();
+for (const listen of [listenToPointer, listenToFilm, listenToResiduals, listenToScene, listenToDrops, listenToKeys, listenToTour, listenToLive]) listen();
 by("frame").drawn = drawn;
 for (const step of ALL) step();
 connect();

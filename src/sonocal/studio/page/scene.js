@@ -19,8 +19,9 @@ export function drawScene() {
   const line = (/** @type {Vec} */ a, /** @type {Vec} */ b, /** @type {string} */ stroke, width = 1) => { c.strokeStyle = stroke; c.lineWidth = width; c.beginPath(); c.moveTo(...at(see(a))); c.lineTo(...at(see(b))); c.stroke(); };
   plane(c, see, scene.corners_mm);
   c.globalAlpha = 0.35; for (const [a, b] of scene.needles_mm) line(a, b, colour("mark")); c.globalAlpha = 1;
-  const here = scene.frames.indexOf(state.frame);
+  const here = state.live ? -1 : scene.frames.indexOf(state.frame);
   if (here >= 0) line(scene.needles_mm[here][0], scene.needles_mm[here][1], "#ff4136", 2.5);
+  if (state.live?.hold?.ends_mm) { c.globalAlpha = 0.7; line(state.live.hold.ends_mm[0], state.live.hold.ends_mm[1], "#5ec8ff", 6); c.globalAlpha = 1; }
   const reach = 0.18 * size;
   [[reach, 0, 0], [0, reach, 0], [0, 0, reach]].forEach((axis, i) => { line([0, 0, 0], axis, ["#c0392b", "#2e8b57", "#3a7bd5"][i], 2); c.fillStyle = colour("ink"); c.fillText("xyz"[i], ...at(see(axis))); });
   c.fillText("marker", ...at(see([0, 0, 0])));

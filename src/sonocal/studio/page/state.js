@@ -16,6 +16,7 @@ export const state = {
   connection: "opening",
   notice: "",
   /** @type {any} */ exported: null,
+  /** How a scan that goes on stands; null without one. @type {any} */ live: null,
 };
 
 /** @type {Set<(what: string) => void>} */

@@ -10,7 +10,9 @@ export function el(tag, text = "", inside = []) { const one = document.createEle
 const typeset = (sentence) => sentence.replaceAll("+-", "\u00b1");
 
 export function drawVerdict() {
-  const box = by("verdict"), answer = state.answer, refused = answer?.refused || state.work.refused;
+  const box = by("verdict"), answer = state.answer, notYet = state.live?.refusal;
+  if (notYet) { box.className = "verdict"; box.replaceChildren(el("strong", "Not yet"), el("p", notYet)); return; }
+  const refused = answer?.refused || state.work.refused;
   box.className = `verdict ${refused ? "stop" : answer?.verdict?.level || ""}`;
   if (refused) box.replaceChildren(el("strong", TITLES[refused.code || refused.kind] || "No calibration"), el("p", refused.sentence), el("p", ADVICE[refused.kind] || ""));
   else if (answer?.verdict) box.replaceChildren(el("strong", answer.verdict.headline), el("p", typeset(answer.verdict.expectation)), el("ul", "", answer.verdict.reasons.map((/** @type {string[]} */ r) => el("li", typeset(r[1])))));
@@ -21,7 +23,7 @@ const TITLES = { NoConsensusError: "No needle found", DegenerateGeometryError: "
 /** @type {Record<string, string>} */
 const ADVICE = { NoConsensusError: "Click the needle in a dozen images of different places and tilts: the calibration follows your points.", DegenerateGeometryError: "Scan what is missing, and join it to this recording.", InputError: "" };
 /** @type {Record<string, string>} */
-const WAITING = { connecting: "Connecting", empty: "Drop a recording here", opening: "Opening", looking: "Looking for the needle", ready: "Calibrating" };
+const WAITING = { connecting: "Connecting", empty: "Drop a recording here", opening: "Opening", looking: "Looking for the needle", ready: "Calibrating", live: "Scan" };
 
 export function drawNumbers() {
   const { fit, predicted } = state.answer || {}, mm = (/** @type {number | undefined} */ x) => (x === undefined ? "-" : x < 100 ? `${x.toFixed(2)} mm` : `${Number(x.toPrecision(2))} mm`);
@@ -46,6 +48,8 @@ export function drawHead() {
   by("steps").replaceChildren(...STEPS.map((one, i) => { const li = el("li", one); li.className = i < at ? "done" : i === at ? "now" : ""; return li; }));
   by("stage-note").textContent = phase === "empty" ? "Drop a recording and its needle.toml here, or choose them under Files." : "";
   const banner = by("banner"), lost = state.connection === "lost";
-  const said = lost ? "The connection to sonocal is lost: start the same command again in the terminal. Every click that was kept is in the journal; others are sent when it is back." : state.notice;
-  banner.hidden = !said; banner.textContent = said; banner.className = lost ? "stop" : state.exported && said === state.exported.said ? "good" : "";
+  const gone = phase === "live" && state.live && !state.live.connected;
+  const kept = state.live ? `what was recorded is in ${state.work.folder}/recording.mhd: name it to sonocal studio, with the same --lines.` : "start the same command again in the terminal. Every click that was kept is in the journal; others are sent when it is back.";
+  const said = gone && !lost ? `The connection to ${state.live.server} is lost: waits for it. What was recorded is kept.` : lost ? `The connection to sonocal is lost: ${kept}` : state.notice;
+  banner.hidden = !said; banner.textContent = said; banner.className = lost || gone ? "stop" : state.exported && said === state.exported.said ? "good" : "";
 }
