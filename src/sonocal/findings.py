@@ -169,6 +169,7 @@ REFUSALS = {
     "not-a-spin": "the tool turned about more than one axis",
     "points-too-close": "the needle's two points are one within their noise",
     "moving": "the stylus moved during the touch",
+    "phantom-free": "what the stylus touched leaves a motion of the phantom free",
     "landmarks-ambiguous": "touches fit a phantom's landmarks in several ways",
 }
 

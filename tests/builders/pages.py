@@ -18,7 +18,7 @@ from sonocal.simulation.ultrasound_probe import curvilinear
 from sonocal.sweep.placed import placed_rows
 from sonocal.sweep.tabulate import Posing
 from sonocal.targets import Unplaced
-from tests.builders.phantoms import write_session, write_touches
+from tests.builders.phantoms import write_drags, write_session, write_touches
 from tests.builders.recordings import random_poses
 from tests.builders.tank import resting_in_room
 from tests.builders.tracked_tools import AXIS, TIP, pivoting, spinning
@@ -39,6 +39,7 @@ def write_files(folder):
     write_tools(folder)
     write_tank(folder)
     write_touches(folder)
+    write_drags(folder)
     write_session(folder)
     (folder / "devices.xml").write_text(DEVICES)
     (folder / "stylus.toml").write_text(STYLUS)

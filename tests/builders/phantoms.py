@@ -1,11 +1,13 @@
 """A phantom with landmarks as PLUS's users have it, and a session in which they are touched."""
 
 import numpy as np
+from benchmarks.simulators.drag_session import DIVOTS, EDGES, FACES, drag_session
 from benchmarks.simulators.landmark_session import EIGHT, TIP, session
 from benchmarks.simulators.tool_sessions import session as tool_session
 
 from sonocal.recording import Poses, Recording
 from sonocal.recording.formats import write_recording
+from sonocal.targets import Line, Plane, Point, lines_toml
 
 WIRES = '<Pattern Type="NWire"><Wire Name="a" EndPointFront="30 0 20" EndPointBack="30 40 20"/></Pattern>'
 
@@ -36,4 +38,17 @@ def write_touches(folder):
     pose = Poses.of("Stylus", "Reference", poses)
     write_recording(Recording(times, poses={pose.name: pose}), folder / "touches.igs.mha")
     (folder / "phantom.xml").write_bytes(device_set().encode())
+    return truth
+
+
+def write_drags(folder):
+    """``drags.igs.mha`` and ``block.toml``; gives where the block is."""
+    order = ("front", "left", "roof", "left edge", 0, 1)
+    times, poses, truth, _ = drag_session(np.random.default_rng(2), order, lost=0.0)
+    pose = Poses.of("Stylus", "Reference", poses)
+    write_recording(Recording(times, poses={pose.name: pose}), folder / "drags.igs.mha")
+    planes = [Plane(name, "Block", FACES[name]) for name in ("front", "left", "roof")]
+    points = [Point(f"#{i + 1}", "Block", place) for i, place in enumerate(DIVOTS)]
+    lines = [Line("left edge", "Block", EDGES["left edge"])]
+    (folder / "block.toml").write_bytes(lines_toml("block.toml", lines, points, planes=planes))
     return truth

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from sonocal.cli.main import main
 from sonocal.targets import read_device_set, read_targets
-from tests.builders.phantoms import device_set, write_touches
+from tests.builders.phantoms import device_set, write_drags, write_touches
 
 
 @pytest.fixture
@@ -64,11 +64,51 @@ def test_programs_get_the_numbers(folder):
     assert found["target_errors"][0]["name"] == "a"
 
 
+def test_lines_and_planes_that_were_dragged_along_put_a_phantom_in_place(folder):
+    path, _ = folder
+    truth = write_drags(path)
+    options = ("--landmarks", "block.toml", "--stylus-tip", ",".join(map(str, TIP)), "-o", "placed.toml")
+    done = run("drags.igs.mha", *options, "--dragged", "all")
+    assert done.exit_code == 0, done.output
+    shown = " ".join(done.output.split())
+    assert "BlockToReference: 2 of 4 landmarks, 4 of 4 lines and planes" in shown
+    placed = read_targets(path / "placed.toml")
+    there = placed.lines[0].segment_mm
+    expected = np.array([[0.0, 0, 50], [0, 60, 50]]) @ truth[:3, :3].T + truth[:3, 3]
+    np.testing.assert_allclose(there, expected, atol=1)
+    done = run(
+        "drags.igs.mha",
+        *options[:-2],
+        "--dragged",
+        "roof",
+        "--dragged",
+        "front",
+        "--dragged",
+        "left",
+        "--json",
+    )
+    assert [one["name"] for one in json.loads(done.output)["features"]] == ["roof", "front", "left"]
+    done = run("drags.igs.mha", *options[:-2], "--dragged", "floor")
+    assert done.exit_code == 1
+    assert "has no line or plane 'floor' to drag along; it has left edge, front" in " ".join(
+        done.output.split()
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "words", "status"),
     [
         (["--landmarks", "phantom.toml"], "phantom.toml: says nothing of the tip of Stylus; give it with", 1),
         (["--landmarks", "phantom.xml", "--stylus", "Pointer"], "has 0 transforms of a tip to Pointer", 1),
+        (["--landmarks", "no-tip.xml"], "no-tip.xml: has 0 transforms of a tip to Stylus", 1),
+        (["--landmarks", "two.xml"], "three landmarks or more, better six; got 2", 1),
+        (
+            ["--landmarks", "line.xml"],
+            "lie on one line, about which it may turn; touch one beside it, too",
+            1,
+        ),
+        (["--landmarks", "mirrored.xml"], "of the mirrored phantom", 1),
+        (["--dragged", "roof"], "--dragged is for --landmarks, which is missing", 2),
         (["--landmarks", "touches.igs.mha"], "touches.igs.mha: is", 1),
         (["--landmarks", "bare.xml"], "bare.xml: its phantom has no landmarks; give each a", 1),
         (["--landmarks", "metres.xml"], "multiply its places by 1000", 1),
@@ -87,6 +127,11 @@ def test_what_does_not_do_is_refused_in_a_sentence(folder, arguments, words, sta
     path, _ = folder
     (path / "bare.xml").write_text("<PlusConfiguration/>")
     (path / "metres.xml").write_text(device_set(EIGHT / 1000))
+    (path / "mirrored.xml").write_text(device_set(EIGHT * [1, 1, -1]))
+    (path / "two.xml").write_text(device_set(EIGHT[:2]))
+    (path / "line.xml").write_text(device_set(np.outer(np.arange(5), [10.0, 5.0, 2.0])))
+    without = device_set(EIGHT).replace('From="StylusTip" To="Stylus"', 'From="Image" To="Probe"')
+    (path / "no-tip.xml").write_text(without)
     held = sorted(path.iterdir())
     done = run("touches.igs.mha", *arguments)
     assert done.exit_code == status, done.output

@@ -1,4 +1,4 @@
-"""The part of ``sonocal tool`` that puts a phantom in place: its landmarks, touched with a stylus."""
+"""The part of ``sonocal tool`` that puts a phantom in place: landmarks touched, lines and planes dragged along."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.recording import Recording
-    from sonocal.targets import Point, Target
+    from sonocal.targets import Line, Plane, Point, Target
     from sonocal.tools import PhantomRegistration, Stylus
 
 __all__ = ["OF_LANDMARKS", "place_phantom"]
 
 # Options that mean something with --landmarks alone, and those that mean nothing with it.
-OF_LANDMARKS = ("into", "in_order")
+OF_LANDMARKS = ("into", "in_order", "dragged")
 OF_TOOLS = ("spin", "second", "spin_frames", "second_frames", "length_mm", "expected")
 
 
@@ -46,22 +46,12 @@ def place_phantom(
     """
     from sonocal.cli.screen.landmarks import print_phantom
     from sonocal.files import write_atomically
-    from sonocal.tools import register_landmarks
 
     _refuse_others(options)
     into = options["into"] or (phantom if phantom.suffix.lower() == ".xml" else None)
     _check_output(output, into)
-    read = _read(phantom)
-    found = register_landmarks(
-        recording,
-        read.landmarks,
-        _stylus(phantom, options),
-        reference=options["reference"] or _tracked(recording, read.reference),
-        targets=read.targets,
-        in_order=options["in_order"],
-        on_invalid=options["on_invalid"],
-        seed=options["seed"],
-    )
+    read = _read(phantom, dragged=bool(options["dragged"]))
+    found = _registered(recording, read, _stylus(phantom, options), phantom.name, options)
     refuse_units(recording.name, found.diagnostics, accepted=options["accept_units"])
     if output is not None:
         content = (
@@ -75,6 +65,38 @@ def place_phantom(
     print_phantom(console(), found)
     if output is not None:
         say(f"Wrote {output}")
+
+
+def _registered(
+    recording: Recording, read: _Phantom, stylus: Stylus, name: str, options: dict[str, Any]
+) -> PhantomRegistration:
+    from sonocal.tools import register_features, register_landmarks
+
+    how = {
+        "reference": options["reference"] or _tracked(recording, read.reference),
+        "targets": read.targets,
+        "in_order": options["in_order"],
+        "on_invalid": options["on_invalid"],
+    }
+    if not options["dragged"]:
+        return register_landmarks(recording, read.landmarks, stylus, seed=options["seed"], **how)
+    return register_features(
+        recording, read.landmarks, _dragged(read, name, options["dragged"]), stylus, **how
+    )
+
+
+def _dragged(read: _Phantom, name: str, names: tuple[str, ...]) -> list[Line | Plane]:
+    """The lines and planes of those names, in the order named; all of them if that is "all"."""
+    from sonocal.targets import Line, Plane
+
+    have = {one.name: one for one in read.targets if isinstance(one, (Line, Plane))}
+    if names == ("all",):
+        return list(have.values())
+    if missing := [one for one in names if one not in have]:
+        raise InputError(
+            f"{name}: has no line or plane {missing[0]!r} to drag along; it has {', '.join(have)[:200] or 'none'}"
+        )
+    return [have[one] for one in names]
 
 
 def _refuse_others(options: dict[str, Any]) -> None:
@@ -98,31 +120,31 @@ def _check_output(output: Path | None, into: Path | None) -> None:
     reserve(output)
 
 
-def _read(path: Path) -> _Phantom:
+def _read(path: Path, *, dragged: bool) -> _Phantom:
     from sonocal.cli.formats import kind_of, require_kind
     from sonocal.targets import read_device_set, read_targets
 
     require_kind(path, ("device set", "targets"))
     if kind_of(path) == "device set":
         devices = read_device_set(path)
-        if not devices.landmarks:
+        if not devices.landmarks and not dragged:
             raise InputError(
                 f"{path.name}: its phantom has no landmarks; give each a <Landmark Name=... Position=...> in "
                 "<PhantomDefinition><Geometry><Landmarks>"
             )
         return _Phantom(devices.landmarks, devices.wires, devices.reference)
     targets = read_targets(path)
-    if not targets.points:
+    if not targets.points and not dragged:
         raise InputError(
             f"{path.name}: has no landmarks; write each as a [[point]] with name, frame and at_mm"
         )
-    frame = targets.points[0].frame
+    everything: tuple[Target, ...] = (*targets.lines, *targets.planes)
+    frame = (*targets.points, *everything)[0].frame if targets.points or everything else "Phantom"
     other = next((one for one in targets.points if one.frame != frame), None)
     if other is not None:
         raise InputError(
             f"{path.name}: its landmarks are in the frames {frame} and {other.frame} ({other.name}); a phantom has one"
         )
-    everything: tuple[Target, ...] = (*targets.lines, *targets.planes)
     own = [one for one in everything if one.frame == frame]
     return _Phantom(targets.points, tuple(own), "")
 
@@ -154,11 +176,16 @@ def _device_set(found: PhantomRegistration, into: Path | None) -> bytes:
 
     assert into is not None, "checked before"
     comment = (
-        f" {found.phantom}To{found.reference} was registered by {sum(one.used for one in found.landmarks)} landmarks, "
-        f"{found.rms_mm:.3f} mm rms. "
+        f" {found.phantom}To{found.reference} was registered by {_by(found)}, {found.rms_mm:.3f} mm rms. "
     )
     values = transform_values(found.reference_from_phantom, found.mean_mm)
     return put_transform(read_xml(into), into.name, (found.phantom, found.reference), values, comment)
+
+
+def _by(found: PhantomRegistration) -> str:
+    along = sum(one.used for one in found.features)
+    touched = f"{sum(one.used for one in found.landmarks)} landmarks"
+    return touched if not found.features else f"{touched}, {along} lines and planes"
 
 
 def _targets(found: PhantomRegistration, read: _Phantom, output: Path) -> bytes:
@@ -175,7 +202,5 @@ def _targets(found: PhantomRegistration, read: _Phantom, output: Path) -> bytes:
         Plane(x.name, found.reference, there(x.points_mm)) for x in read.targets if isinstance(x, Plane)
     ]
     points = [Point(x.name, found.reference, there(x.place_mm)) for x in read.landmarks if not read.targets]
-    remark = (
-        f"{found.phantom} in the frame {found.reference}, by {sum(x.used for x in found.landmarks)} landmarks"
-    )
+    remark = f"{found.phantom} in the frame {found.reference}, by {_by(found)}"
     return lines_toml(str(output), lines, points, [remark, f"{found.rms_mm:.3f} mm rms"], planes=planes)

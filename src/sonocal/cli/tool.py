@@ -84,6 +84,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
         "--stylus-tip stylus.toml -o touched.toml",
         "sonocal tool session.igs.mha --session --page session.html -o found.toml",
         "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml",
+        "sonocal tool drags.igs.mha --landmarks block.toml --dragged all --stylus-tip 12,-4,-110 -o placed.toml",
     ),
 )
 @click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
@@ -130,7 +131,17 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
 @click.option(
     "--into", type=FILE, help="Device set to put the phantom's place into.  [default: of the landmarks]"
 )
-@click.option("--in-order", is_flag=True, help="The landmarks were touched in the order listed.")
+@click.option(
+    "--dragged",
+    multiple=True,
+    metavar="NAME",
+    help="Line or plane of the phantom that the stylus was dragged along, each with an option of its own; or: all.",
+)
+@click.option(
+    "--in-order",
+    is_flag=True,
+    help="Landmarks were touched in the order listed, and lines and planes dragged along in the order named.",
+)
 @click.option("--name", default="needle", show_default=True, help="What detections call the needle.")
 @ANGLES
 @MARKERS
@@ -161,6 +172,7 @@ def tool(
     RECORDING --second OTHER --stylus  two touches with a calibrated stylus
     RECORDING --session                a long recording of any tools: what each did, its tip and its needle
     RECORDING --landmarks PHANTOM      a phantom's place: its landmarks touched with a stylus, in any order
+              --dragged NAME           and lines and planes of it that the stylus was dragged along
 
     A needle is written as a [[line]], which "sonocal calibrate --lines" reads; a tip alone as a [[point]].
 

@@ -8,7 +8,8 @@ from sonocal.tools.calibrate import (
     stylus_tip,
     tool_toml,
 )
-from sonocal.tools.landmark_result import LandmarkFit, PhantomRegistration, TargetError
+from sonocal.tools.dragged import register_features
+from sonocal.tools.landmark_result import FeatureFit, LandmarkFit, PhantomRegistration, TargetError
 from sonocal.tools.landmarks import register_landmarks
 from sonocal.tools.needle import (
     DigitisedPoint,
@@ -26,6 +27,7 @@ from sonocal.tools.stretches import Stretch, find_stretches
 
 __all__ = [
     "DigitisedPoint",
+    "FeatureFit",
     "LandmarkFit",
     "NeedleCalibration",
     "PhantomRegistration",
@@ -47,6 +49,7 @@ __all__ = [
     "needle_from_points",
     "needle_from_spin",
     "pivot_doubts",
+    "register_features",
     "register_landmarks",
     "stylus_tip",
     "tool_toml",

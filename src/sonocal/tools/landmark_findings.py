@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sonocal.findings import Diagnostic
-from sonocal.tools.landmark_match import Match
 from sonocal.tools.landmark_result import PhantomRegistration
 from sonocal.tools.tip_check import TipDoubt
 
@@ -16,11 +15,12 @@ __all__ = ["landmark_findings"]
 LARGE_RMS_MM = 1.0
 # Of the scale, in deviations, and as a share that matters: a tip and a sensor's angle do as much as less than that.
 SURE, MATTERS = 4.0, 5e-3
-FEW = 4
+# Residuals to spare, of four landmarks.
+FEW = 6
 
 
 def landmark_findings(
-    found: PhantomRegistration, rivals: Sequence[Match], doubt: TipDoubt | None
+    found: PhantomRegistration, rivals: Sequence[object], doubt: TipDoubt | None
 ) -> Iterator[Diagnostic]:
     """Findings of a registration.
 
@@ -73,6 +73,23 @@ def _left_out(found: PhantomRegistration) -> Iterator[Diagnostic]:
             message=f"{len(missing)} of {len(found.landmarks)} landmarks were not touched: {', '.join(missing)}",
             advice="nothing, where the wires' errors are small enough; else touch them, too",
         )
+    for along in found.features:
+        if along.distance_mm is not None and not along.used:
+            yield _warning(
+                "landmark-off",
+                f"the stylus was dragged {along.distance_mm:.2f} mm from the {along.kind} {along.name}, where all "
+                "others put it; it was left out",
+                "drag along it again, or measure where it is on the phantom",
+            )
+    undragged = [one.name for one in found.features if one.distance_mm is None]
+    if undragged:
+        yield Diagnostic(
+            code="landmarks-missing",
+            severity="info",
+            message=f"{len(undragged)} of {len(found.features)} lines and planes were not dragged along: "
+            f"{', '.join(undragged)}",
+            advice="nothing, where the wires' errors are small enough; else drag along them, too",
+        )
     frames = {span for one in found.landmarks for span in one.frames}
     others = [rest for rest in found.rests if (rest.first, rest.last) not in frames]
     if others:
@@ -86,24 +103,29 @@ def _left_out(found: PhantomRegistration) -> Iterator[Diagnostic]:
 
 
 def _too_few(found: PhantomRegistration) -> Iterator[Diagnostic]:
-    used = sum(one.used for one in found.landmarks)
-    if used <= FEW:
-        yield _warning(
-            "few-landmarks",
-            f"the registration rests on {used} landmarks, whose residual of {found.rms_mm:.2f} mm says little",
-            "touch six landmarks or more, as far apart as the phantom allows",
-        )
+    if found.freedom > FEW:
+        return
+    along = f" and {sum(one.used for one in found.features)} lines and planes" if found.features else ""
+    yield _warning(
+        "few-landmarks",
+        f"the registration rests on {sum(one.used for one in found.landmarks)} landmarks{along}, whose residual of "
+        f"{found.rms_mm:.2f} mm says little",
+        "touch six landmarks or more, as far apart as the phantom allows",
+    )
 
 
 def _scale(found: PhantomRegistration) -> Iterator[Diagnostic]:
     off = found.size_ratio - 1
     if abs(off) > max(SURE * found.size_ratio_deviation, MATTERS):
         size = "larger" if off > 0 else "smaller"
-        length = float(np.ptp([one.at_mm for one in found.landmarks], axis=0).max())
+        length = (
+            float(np.ptp([one.at_mm for one in found.landmarks], axis=0).max()) if found.landmarks else 100.0
+        )
         yield _warning(
             "landmark-scale",
             f"the touches fit a phantom {100 * abs(off):.2f} % {size} (+-{196 * found.size_ratio_deviation:.2f} %), "
-            f"which is {abs(off) * length:.1f} mm over its length",
+            f"which is {abs(off) * length:.1f} mm over "
+            f"{'its length' if found.landmarks else f'{length:.0f} mm'}",
             "measure the phantom: printed ones shrink; and check that the stylus' tip is right",
         )
 

@@ -8,6 +8,7 @@ Mandel 1982): divots are wide, phantoms are printed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from sonocal.geometry import Array, Similarity
 from sonocal.geometry.fitted import fitted_motions, fitted_scale
 from sonocal.registration.uncertainty import point_jacobian
 
-__all__ = ["PhantomFit", "fit_phantom"]
+__all__ = ["PhantomFit", "excess_variance", "fit_phantom"]
 
 FEWEST_TO_DROP = 5
 # A landmark is left out when chance puts one so far off once in so many registrations, and when it matters, mm.
@@ -87,14 +88,24 @@ def _weighed(x: Array, y: Array, v: Array) -> tuple[Array, float]:
         return float(np.sum(off**2 / (v + tau2)[:, None])) - freedom, matrix
 
     v = np.maximum(v, 1e-12)
-    over, matrix = excess(0.0)
-    if over <= 0:
+    return excess_variance(excess, float(v.max()))
+
+
+def excess_variance(over: Callable[[float], tuple[float, Array]], largest_mm2: float) -> tuple[Array, float]:
+    """The motion, and the variance beyond their own that brings the weighed squares of residuals to their freedom.
+
+    Args:
+        over: of such a variance, what the squares are beyond their freedom, and the motion.
+        largest_mm2: of the variances that are known.
+    """
+    more, matrix = over(0.0)
+    if more <= 0:
         return matrix, 0.0
-    low, high = 0.0, float(v.max()) * (1 + over)
+    low, high = 0.0, largest_mm2 * (1 + more)
     for _ in range(STEPS):
         middle = (low + high) / 2
-        over, matrix = excess(middle)
-        low, high = (middle, high) if over > 0 else (low, middle)
+        more, matrix = over(middle)
+        low, high = (middle, high) if more > 0 else (low, middle)
     return matrix, high
 
 

@@ -12,7 +12,7 @@ from sonocal.geometry.shown import brief
 from sonocal.registration.uncertainty import point_covariance, radius_95
 from sonocal.tools.rests import Rest
 
-__all__ = ["LandmarkFit", "PhantomRegistration", "TargetError"]
+__all__ = ["FeatureFit", "LandmarkFit", "PhantomRegistration", "TargetError"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +32,30 @@ class LandmarkFit:
     at_mm: Array
     touched_mm: Array | None
     distance_mm: float | None
+    frames: tuple[tuple[int, int], ...]
+    used: bool
+
+    __repr__ = brief
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureFit:
+    """A line or plane of the phantom, and how far from it the stylus was dragged.
+
+    Attributes:
+        name: of it.
+        kind: "line" or "plane".
+        distance_mm: of the line or plane that the tip went along from it, root mean square over the drag, without the
+            noise of single places; None where it was not dragged along.
+        spread_mm: of single places of the tip about that, along an axis; None likewise.
+        frames: first and last item of the drag.
+        used: it took part in the registration.
+    """
+
+    name: str
+    kind: str
+    distance_mm: float | None
+    spread_mm: float | None
     frames: tuple[tuple[int, int], ...]
     used: bool
 
@@ -71,6 +95,7 @@ class PhantomRegistration:
         as_listed: the landmarks were touched in the order listed.
         target_errors: of the phantom's wires and planes, worst first.
         diagnostics: what to know before use, warnings first.
+        features: lines and planes that the stylus was dragged along, as listed, whether it was or not.
     """
 
     phantom: str
@@ -86,20 +111,27 @@ class PhantomRegistration:
     as_listed: bool
     target_errors: tuple[TargetError, ...]
     diagnostics: tuple[Diagnostic, ...]
+    features: tuple[FeatureFit, ...] = ()
 
     __repr__ = brief
 
     @property
-    def mean_mm(self) -> float:
-        """Mean distance of the landmarks used, which PLUS writes as the transform's ``Error``."""
-        return float(
-            np.mean([one.distance_mm for one in self.landmarks if one.used and one.distance_mm is not None])
-        )
+    def used(self) -> int:
+        """How many landmarks, lines and planes took part."""
+        of_all: tuple[LandmarkFit | FeatureFit, ...] = (*self.landmarks, *self.features)
+        return sum(one.used for one in of_all)
 
     @property
-    def worst(self) -> LandmarkFit:
-        """The landmark whose touch is furthest from it."""
-        return max(self.landmarks, key=lambda one: -1.0 if one.distance_mm is None else one.distance_mm)
+    def mean_mm(self) -> float:
+        """Mean distance of what was used, which PLUS writes as the transform's ``Error``."""
+        of_all: tuple[LandmarkFit | FeatureFit, ...] = (*self.landmarks, *self.features)
+        return float(np.mean([one.distance_mm for one in of_all if one.used and one.distance_mm is not None]))
+
+    @property
+    def worst(self) -> LandmarkFit | FeatureFit:
+        """The landmark, line or plane that the stylus was furthest from."""
+        of_all: tuple[LandmarkFit | FeatureFit, ...] = (*self.landmarks, *self.features)
+        return max(of_all, key=lambda one: -1.0 if one.distance_mm is None else one.distance_mm)
 
     def within_95_mm(self, points_mm: Array) -> Array:
         """(N,) mm: what the registration moves points (N, 3) of the phantom by at most in 95 of 100 cases."""

@@ -24,16 +24,14 @@ from sonocal.tools.landmark_fit import fit_phantom
 from sonocal.tools.landmark_match import LEAST_WIDTH_MM, Match, width_mm
 from sonocal.tools.landmark_result import LandmarkFit, PhantomRegistration, TargetError
 from sonocal.tools.landmark_search import Search, told_apart
-from sonocal.tools.poses import distinct_poses
 from sonocal.tools.rests import Rest, find_rests
 from sonocal.tools.tip_check import TipDoubt, tip_doubt
+from sonocal.tools.tip_path import TipPath
 
-__all__ = ["register_landmarks"]
+__all__ = ["refuse_tip", "register_landmarks", "target_errors"]
 
 # Of landmarks in unknown order: three of them fit somewhere by chance.
 FEWEST, FEWEST_IN_ORDER = 4, 3
-# Where a recording has no times.
-RATE_HZ = 20.0
 # Of a tip: a warning up to there, for sensors whose place depends on their angle look like two millimetres of it.
 REFUSED_MM = 4.0
 
@@ -71,26 +69,22 @@ def register_landmarks(
     require("recording", recording, Recording)
     require("stylus", stylus, Stylus)
     places = _places(landmarks)
-    frame = reference or _reference(recording)
-    poses = recording.between(frame, stylus.name, None, on_invalid)
-    used, repeats = distinct_poses(poses.matrices, poses.valid, recording.name)
-    tip = np.asarray(stylus.tip_mm, dtype=float)
-    tips = poses.matrices[:, :3, :3] @ tip + poses.matrices[:, :3, 3]
-    rests = find_rests(np.where(used[:, None], tips, np.nan), _times(recording))
+    path = TipPath.of(recording, stylus, reference, on_invalid)
+    rests = find_rests(path.places_mm, path.times_s)
     fewest = FEWEST_IN_ORDER if in_order else FEWEST
     if len(rests) < fewest:
         raise InputError(
             f"{recording.name}: the tip of {stylus.name} rested at {len(rests)} places, and {fewest} landmarks are "
             "needed; hold it on each for a second or more, and check that --stylus-tip is the tip of this stylus"
         )
-    doubt = tip_doubt(poses.matrices, tip, rests, stylus.name)
+    doubt = tip_doubt(path.matrices, path.tip_mm, rests, stylus.name)
     search = Search(recording.name, places, tuple(one.name for one in landmarks), fewest, in_order, seed)
     match, rivals = told_apart(search, rests, doubt)
-    found = _registration(landmarks, frame, rests, match, targets)
+    found = _registration(landmarks, path.frame, rests, match, targets)
     if doubt is not None:
-        doubt = _if_it_mends(doubt, poses.matrices, found, landmarks, match)
-        _refuse_tip(recording.name, doubt, tip)
-    findings = (*repeats, *landmark_findings(found, rivals, doubt))
+        doubt = _if_it_mends(doubt, path.matrices, found, landmarks, match)
+        refuse_tip(recording.name, doubt, path.tip_mm)
+    findings = (*path.repeats, *landmark_findings(found, rivals, doubt))
     return replace(found, diagnostics=warnings_first(findings))
 
 
@@ -114,16 +108,6 @@ def _places(landmarks: Sequence[Point]) -> Array:
             "points-on-one-line",
         )
     return places
-
-
-def _reference(recording: Recording) -> str:
-    frames = [frame for poses in recording.poses.values() for frame in (poses.source, poses.target)]
-    return next((frame for frame in frames if frame.lower() == "reference"), "Tracker")
-
-
-def _times(recording: Recording) -> Array:
-    times = recording.times
-    return times if np.isfinite(times).all() else np.arange(len(times)) / RATE_HZ
 
 
 def _registration(
@@ -164,7 +148,7 @@ def _registration(
         target_errors=(),
         diagnostics=(),
     )
-    return replace(found, target_errors=_target_errors(found, targets))
+    return replace(found, target_errors=target_errors(found, targets))
 
 
 def _if_it_mends(
@@ -180,7 +164,7 @@ def _if_it_mends(
     return doubt if _registration(landmarks, "", moved, match, ()).rms_mm <= found.rms_mm else None
 
 
-def _refuse_tip(source: str, doubt: TipDoubt | None, tip_mm: Array) -> None:
+def refuse_tip(source: str, doubt: TipDoubt | None, tip_mm: Array) -> None:
     """A tip that is off by more than sensors and hands make of a right one: every landmark is off by as much."""
     if doubt is not None and doubt.off_mm >= REFUSED_MM:
         place = ",".join(f"{x:.1f}" for x in tip_mm + doubt.tip_correction_mm)
@@ -196,6 +180,7 @@ def _mean(rests: Sequence[Rest]) -> tuple[Array, float]:
     return places, float(np.mean([np.trace(rest.covariance) / 3 for rest in rests]) / len(rests))
 
 
-def _target_errors(found: PhantomRegistration, targets: Sequence[Target]) -> tuple[TargetError, ...]:
+def target_errors(found: PhantomRegistration, targets: Sequence[Target]) -> tuple[TargetError, ...]:
+    """What the registration moves targets by, worst first."""
     errors = [TargetError(one.name, float(found.within_95_mm(one.spanning_mm).max())) for one in targets]
     return tuple(sorted(errors, key=lambda one: -one.within_95_mm))

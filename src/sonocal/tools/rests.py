@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 
-__all__ = ["Rest", "find_rests", "shared_inflation"]
+__all__ = ["Rest", "find_rests", "noise_mm", "shared_inflation"]
 
 # Of a hand in a divot, with a tip that is known to half a mm and turned about: closer is no motion, whatever the noise.
 LEAST_REACH_MM = 1.0
@@ -66,7 +66,7 @@ def find_rests(points_mm: Array, times_s: Array) -> list[Rest]:
     if len(rows) < LEAST_SAMPLES:
         return []
     x, t = points_mm[rows], times_s[rows]
-    reach = max(LEAST_REACH_MM, NOISES * _noise_mm(x))
+    reach = max(LEAST_REACH_MM, NOISES * noise_mm(x))
     still = _path(_smoothed(x, t), t) <= 2 * reach
     runs = [*_joined([*_runs(still, x, t)], x, t, reach)]
     found = [_rest(run, rows, x, t) for run in runs]
@@ -78,7 +78,7 @@ def find_rests(points_mm: Array, times_s: Array) -> list[Rest]:
     return shared_inflation(sound, points_mm, times_s)
 
 
-def _noise_mm(x: Array) -> float:
+def noise_mm(x: Array) -> float:
     """Deviation per coordinate, from the least second differences: those of motion are larger."""
     second = np.linalg.norm(x[2:] - 2 * x[1:-1] + x[:-2], axis=1)
     return float(np.quantile(second, 0.1) / (CHI3_FIFTH * SECOND))

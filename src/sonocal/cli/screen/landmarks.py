@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -20,24 +21,34 @@ def print_phantom(console: Console, found: PhantomRegistration) -> None:
     print_findings(console, found.diagnostics, "warning")
     console.print(_known(found))
     console.print()
-    console.print(_landmarks(found))
+    if found.landmarks:
+        console.print(_landmarks(found))
+    if found.features:
+        console.print(_features(found))
     if found.target_errors:
         console.print(_targets(found))
     print_findings(console, found.diagnostics, "info")
 
 
 def _known(found: PhantomRegistration) -> Text:
-    used, worst = sum(one.used for one in found.landmarks), found.worst
+    worst = found.worst
     order = "in the order listed" if found.as_listed else "in an order of their own"
+    touched = f"{sum(one.used for one in found.landmarks)} of {len(found.landmarks)} landmarks"
+    along = f"{sum(one.used for one in found.features)} of {len(found.features)} lines and planes"
+    by = [touched] * bool(found.landmarks) + [along] * bool(found.features)
+    scale = (
+        f" Scale of the phantom: {found.size_ratio:.4f} +-{1.96 * found.size_ratio_deviation:.4f}."
+        if np.isfinite(found.size_ratio_deviation)
+        else " What was touched tells no scale of the phantom."
+    )
     places = (
         f"; its wires are known to {found.target_errors[0].within_95_mm:.2f} mm (95 %)"
         if found.target_errors
         else ""
     )
     return Text(
-        f"{found.phantom}To{found.reference}: {used} of {len(found.landmarks)} landmarks, touched {order}, "
-        f"{found.rms_mm:.2f} mm rms from their places{places}. Worst: {worst.name}, {worst.distance_mm:.2f} mm. "
-        f"Scale of the phantom: {found.size_ratio:.4f} +-{1.96 * found.size_ratio_deviation:.4f}."
+        f"{found.phantom}To{found.reference}: {', '.join(by)}, touched {order}, "
+        f"{found.rms_mm:.2f} mm rms from their places{places}. Worst: {worst.name}, {worst.distance_mm:.2f} mm.{scale}"
     )
 
 
@@ -48,6 +59,16 @@ def _landmarks(found: PhantomRegistration) -> NumberTable:
         off = "" if one.distance_mm is None else f"{one.distance_mm:.2f}"
         state = "used" if one.used else ("not touched" if one.distance_mm is None else "left out")
         table.add_row(one.name, items, off, state)
+    return table
+
+
+def _features(found: PhantomRegistration) -> NumberTable:
+    table = NumberTable("Lines and planes", "items", "off by, mm", "noise, mm", "", first="name")
+    for one in found.features:
+        items = ", ".join(f"{first}-{last}" for first, last in one.frames)
+        off, spread = ("" if x is None else f"{x:.2f}" for x in (one.distance_mm, one.spread_mm))
+        state = "used" if one.used else ("not dragged along" if one.distance_mm is None else "left out")
+        table.add_row(one.name, items, off, spread, state)
     return table
 
 
