@@ -4,7 +4,7 @@ Real tables have their labels hidden, dots removed and added, images mirrored; s
 where nothing is right (wires displaced, poses shuffled, another phantom, noise) every answer is a wrong one. Thresholds
 were found on seeds below 1000.
 
-python -m benchmarks.association [--rows real phantoms wrong symmetric rolled] [--seeds 20] [--first 1000]
+python -m benchmarks.association [--rows real phantoms volumes needles wrong symmetric rolled] [--seeds 20]
 """
 
 from __future__ import annotations
@@ -27,6 +27,13 @@ TABLES = ("depth15_polaris", "fcal12_ascension", "trus_3nwires")
 REAL = ((5, 0.3, 1.0), (20, 0.3, 1.0), (100, 0.3, 1.0), (20, 0.6, 1.0), (2, 0.0, 0.0))
 # Of dots that are given a label: more wrong ones, and the answer is wrong.
 MOST_WRONG = 0.05
+VOLUME_KINDS = (
+    "3 random wires",
+    "6 random wires",
+    "9 random wires",
+    "three N, 10 mm apart",
+    "parallel planes",
+)
 # Hypotheses are the limit here, so that another's work on the machine changes no count.
 LIMIT_S = 600.0
 MOST = {"hypotheses": 3_000_000}
@@ -103,6 +110,47 @@ def phantom_rows(seeds: range) -> None:
             dots = phantoms.scan(rng, make(rng), 20)
             results.append(outcome(spoilt(rng, dots, 0.1, 0.2), seed))
         line(f"{name}, 20 frames", results)
+
+
+def volume_rows(seeds: range) -> None:
+    """Lines in volumes of a 3D probe; and where nothing is right."""
+    kinds = {name: phantoms.KINDS[name] for name in VOLUME_KINDS}
+    for name, make in kinds.items():
+        for frames in (2, 5, 20):
+            results = []
+            for seed in seeds:
+                rng = np.random.default_rng(seed)
+                dots = phantoms.scan_volumes(rng, make(rng), frames)
+                results.append(outcome(spoilt(rng, dots, 0.2, 0.5), seed))
+            line(f"volumes: {name}, {frames} frames", results)
+    results = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        along = {"turn_rad": 0.002, "shift_mm": (0.3, 0.3, 20.0)}
+        results.append(outcome(phantoms.scan_volumes(rng, phantoms.symmetric(rng), 20, **along), seed))
+    line("volumes: six parallel wires of a hexagon, along them", results)
+    for what in ("wires displaced by 6 mm", "poses shuffled", "noise"):
+        results = []
+        for seed in seeds:
+            rng = np.random.default_rng(seed)
+            dots = phantoms.scan_volumes(rng, phantoms.random_wires(rng, 6), 20)
+            results.append(refused(WRONG[what](rng, dots), seed))
+        line(f"volumes: six random wires: {what}", results)
+
+
+def needle_rows(seeds: range) -> None:
+    """Needles that move one without the other, and one among wires; images and volumes."""
+    for volumes in (False, True):
+        for count, wires in ((2, 0), (3, 0), (1, 6)):
+            for frames in (10, 20):
+                results = []
+                for seed in seeds:
+                    rng = np.random.default_rng(seed)
+                    beside = phantoms.random_wires(rng, wires) if wires else None
+                    dots = phantoms.scan_needles(rng, count, frames, volumes=volumes, wires=beside)
+                    results.append(outcome(spoilt(rng, dots, 0.1, 0.5), seed))
+                what = f"{count} needles" if not wires else f"a needle among {wires} wires"
+                line(f"{'volumes' if volumes else 'images'}: {what}, {frames} frames", results)
 
 
 def symmetric_rows(seeds: range) -> None:
@@ -224,7 +272,7 @@ def another(rng: np.random.Generator, dots: Dots) -> Dots:
 
 def noise(rng: np.random.Generator, dots: Dots) -> Dots:
     """Dots anywhere."""
-    low, high = dots.points.min(axis=0), dots.points.max(axis=0)
+    low, high = (bound(dots.points, axis=tuple(range(dots.points.ndim - 1))) for bound in (np.min, np.max))
     return Dots(rng.uniform(low, high, dots.points.shape), dots.frame, dots.truth, dots.wires)
 
 
@@ -237,6 +285,8 @@ WRONG = {
 ROWS = {
     "real": real_rows,
     "phantoms": phantom_rows,
+    "volumes": volume_rows,
+    "needles": needle_rows,
     "symmetric": symmetric_rows,
     "wrong": wrong_rows,
     "rolled": rolled_rows,

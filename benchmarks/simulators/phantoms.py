@@ -13,7 +13,10 @@ LENGTH_MM = 80.0
 
 @dataclasses.dataclass
 class Dots:
-    """Dots (N, 2) px, their frame and true wire (-1: none), and the wires (F, L, 2, 3) mm as they are tracked."""
+    """Dots (N, 2) px, or lines (N, 2, 3) px of volumes, their frame and true wire, and the wires as they are tracked.
+
+    A true wire of -1 is none; wires are (F, L, 2, 3) mm.
+    """
 
     points: np.ndarray
     frame: np.ndarray
@@ -118,6 +121,92 @@ def scan(
     return Dots(np.concatenate(points), np.concatenate(frame), np.concatenate(truth), np.array(seen))
 
 
+def scan_volumes(
+    rng,
+    wires,
+    frames,
+    *,
+    turn_rad=0.25,
+    shift_mm=(8.0, 8.0, 8.0),
+    sigma_px=0.7,
+    sigma_mm=0.3,
+    sigma_rad=0.003,
+):
+    """What a 3D probe sees of a phantom: lines, two points on each, where a wire is within a box of the view."""
+    view = _View(rng, sigma_px, sigma_mm, sigma_rad)
+    for number in range(frames):
+        turned = Rotation.from_rotvec(rng.normal(scale=turn_rad, size=3)).as_matrix() @ view.upright
+        view.add(number, wires @ turned.T + rng.uniform(-1, 1, 3) * shift_mm)
+    return view.dots()
+
+
+def scan_needles(
+    rng, count, frames, *, volumes=False, seen=0.9, sigma_px=1.0, sigma_mm=0.3, sigma_rad=0.003, wires=None
+):
+    """Needles that move one without the other, each tracked, beside wires or none; seen in a part of the images."""
+    view = _View(rng, sigma_px, sigma_mm, sigma_rad)
+    for number in range(frames):
+        tilts = np.column_stack([rng.normal(scale=0.4, size=(count, 2)), np.ones(count)])
+        tilts /= np.linalg.norm(tilts, axis=1, keepdims=True)
+        if volumes:  # they lie across the view
+            tilts = tilts[:, [2, 0, 1]]
+        middle = rng.uniform(-0.35, 0.35, (count, 3)) * IMAGE_PX * view.scale * [1, 1, float(volumes)]
+        ends = np.stack([middle - 60 * tilts, middle + 60 * tilts], axis=1)
+        if wires is not None:
+            turned = Rotation.from_rotvec(rng.normal(scale=0.25, size=3)).as_matrix() @ view.upright
+            ends = np.concatenate([ends, wires @ turned.T + rng.uniform(-8, 8, 3)])
+        add = view.add if volumes else view.add_dots
+        add(number, ends, seen)
+    return view.dots()
+
+
+class _View:
+    """A probe, and what it has seen so far."""
+
+    def __init__(self, rng, sigma_px, sigma_mm, sigma_rad):
+        self.sigma_px, self.sigma_mm, self.sigma_rad = sigma_px, sigma_mm, sigma_rad
+        self.rng, self.scale = rng, rng.uniform(0.1, 0.2)
+        self.probe_from_image = Rotation.random(random_state=rng).as_matrix()
+        self.offset = rng.uniform(-100, 100, 3)
+        self.upright = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi)).as_matrix()
+        self.points, self.frame, self.truth, self.wires = [], [], [], []
+
+    def add(self, number, ends, seen=1.0):
+        """Lines of a volume, mm about its middle: the parts within a cube."""
+        half = IMAGE_PX * self.scale / 2
+        start, along = ends[:, 0], ends[:, 1] - ends[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = (np.array([-half, half])[:, None, None] - start) / along
+        enter = np.maximum(np.nanmax(shares.min(axis=0), axis=1), 0.0)
+        leave = np.minimum(np.nanmin(shares.max(axis=0), axis=1), 1.0)
+        length = (leave - enter) * np.linalg.norm(along, axis=1)
+        inside = (length > half / 2) & (self.rng.random(len(ends)) < seen)
+        parts = np.stack([start + enter[:, None] * along, start + leave[:, None] * along], axis=1)[inside]
+        px = parts / self.scale + IMAGE_PX / 2
+        self._keep(number, ends, px, inside)
+
+    def add_dots(self, number, ends, seen=1.0):
+        """Where lines cross an image."""
+        px = _cross(ends, ends[:, 1] - ends[:, 0])[:, :2] / self.scale + IMAGE_PX / 2
+        inside = ((px > 0) & (px < IMAGE_PX)).all(axis=1) & (self.rng.random(len(ends)) < seen)
+        px = px[inside]
+        self._keep(number, ends, px, inside)
+
+    def _keep(self, number, ends, px, inside):
+        """As they are tracked, with an error that a frame's lines share."""
+        wrong = Rotation.from_rotvec(self.rng.normal(scale=self.sigma_rad, size=3)).as_matrix()
+        tracked = ends @ wrong.T + self.rng.normal(scale=self.sigma_mm, size=3)
+        self.points.append(px + self.rng.normal(scale=self.sigma_px, size=px.shape))
+        self.truth.append(np.flatnonzero(inside))
+        self.frame.append(np.full(int(inside.sum()), number))
+        self.wires.append(tracked @ self.probe_from_image.T + self.offset)
+
+    def dots(self):
+        """All of it."""
+        together = (np.concatenate(one) for one in (self.points, self.frame, self.truth))
+        return Dots(*together, np.array(self.wires))
+
+
 def _cross(ends, along):
     """Where wires cross the image."""
     return ends[:, 0] - (ends[:, 0, 2] / along[:, 2])[:, None] * along
@@ -129,7 +218,7 @@ def spoilt(rng, dots, removed, false):
     points, frame, truth = dots.points[keep], dots.frame[keep], dots.truth[keep]
     low, high = dots.points.min(axis=0), dots.points.max(axis=0)
     count = round(false * len(points))
-    points = np.concatenate([points, rng.uniform(low, high, (count, 2))])
+    points = np.concatenate([points, rng.uniform(low, high, (count, *points.shape[1:]))])
     frame = np.concatenate([frame, rng.integers(0, len(dots.wires), count)])
     truth = np.concatenate([truth, np.full(count, -1)])
     order = rng.permutation(len(points))

@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
 from sonocal.errors import InputError
+from sonocal.geometry import Array
 from sonocal.registration.association import Association
 from sonocal.registration.label_errors import FrameErrors, weighed
+from sonocal.registration.label_input import SearchLimits
+from sonocal.registration.label_lines import LineTable
+from sonocal.registration.label_lines_search import search_lines
 from sonocal.registration.label_others import LABELLING
 from sonocal.registration.label_rivals import rival_starts
 from sonocal.registration.label_table import LabelTable
@@ -34,13 +38,14 @@ def associate(
 ) -> Association:
     """Which dot is of which line, and the similarity that carries dots onto lines, with no label known.
 
-    Four dots on four lines give a similarity (four_points); it is right where all four pairs are, and then the lines
-    cross the images at other dots, too. The search ends when its best answer was found five times, twenty of a single
-    frame. Then the answers that it is most easily taken for are tried on purpose: the tilt that nearly parallel lines
-    leave open, and the motions that bring the lines onto themselves.
+    Four dots on four lines give a similarity (four_points), two lines of volumes on two (two_lines); it is right where
+    all pairs are, and then the lines cross the images at other dots, too. The search ends when its best answer was
+    found five times, twenty of a single frame. Then the answers that it is most easily taken for are tried on purpose:
+    the tilt that nearly parallel lines leave open, and the motions that bring the lines onto themselves.
 
     Args:
-        points: (N, 2), px: dots of all frames; some may be of no line.
+        points: (N, 2), px: dots of all frames; some may be of no line. Of volumes (N, 2, 3), px: two points on each of
+            the lines that they show, at the ends of what is seen.
         lines: (L, 2, 3) mm, two points on each at the ends of what may be seen; or (F, L, 2, 3), of every frame, in
             the frame of the target, such as the probe's marker.
         frame: (N,): of each dot, an index into the first axis of lines; default: all of one.
@@ -58,19 +63,21 @@ def associate(
 
     Source: the paper's section 6.2, for hypotheses of labels.
     """
-    table = LabelTable.of(points, lines, frame)
+    volumes = np.ndim(points) == 3
+    table: LabelTable = LineTable.of(points, lines, frame) if volumes else LabelTable.of(points, lines, frame)
     if table.wires.shape[1] < 2:
-        raise InputError("one line needs no labels: register its points with point_line and register")
+        kind = "line_line" if volumes else "point_line"
+        raise InputError(
+            f"one line needs no labels: register its {'lines' if volumes else 'points'} with {kind} and register"
+        )
     within_mm = (
         table.telling_mm() if threshold_mm == "auto" else positive_number("threshold_mm", threshold_mm)
     )
     most = whole_number("max_hypotheses", max_hypotheses, 1, 1 << 40)
     seconds = positive_number("time_limit_s", time_limit_s)
     finds = FINDS if np.count_nonzero(np.diff(table.first)) > 1 else FINDS_OF_ONE_FRAME
-    matrices, _, counts, tried, finished = _core.search_labels(
-        table.points, table.first, table.wires, within_mm, finds, most, seconds, 0.0, 0.0,
-        whole_number("seed", seed, 0, 2**63 - 1),
-    )  # fmt: skip
+    limits = SearchLimits(finds, most, seconds, whole_number("seed", seed, 0, 2**63 - 1))
+    matrices, counts, tried, finished = _searched(table, within_mm, limits)
     named = [(LABELLING, one) for one in table.settled(matrices, within_mm)]
     answers = weighed(table, named, FrameErrors.expected(within_mm), within_mm)
     if not answers:
@@ -81,3 +88,16 @@ def associate(
         errors = FrameErrors.of(table, answers[0].settled, within_mm)
         answers = weighed(table, named, errors, within_mm)
     return judged(table, answers, errors, within_mm, (int(counts.max()), tried, finished))
+
+
+def _searched(
+    table: LabelTable, within_mm: float, limits: SearchLimits
+) -> tuple[Array, NDArray[np.int64], int, bool]:
+    """Similarities, the best first, how often each was found, how many were tried, and whether that was the end."""
+    if isinstance(table, LineTable):
+        return search_lines(table, within_mm, limits)
+    matrices, _, counts, tried, finished = _core.search_labels(
+        table.points, table.first, table.wires, within_mm, limits.finds, limits.hypotheses, limits.seconds,
+        0.0, 0.0, limits.seed,
+    )  # fmt: skip
+    return matrices, counts, tried, finished

@@ -5,34 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sonocal import _core
-from sonocal.geometry import Array
-from sonocal.registration.label_table import LabelTable, Settled
+from sonocal.registration.label_table import LabelTable, Settled, Shifted
 
-__all__ = ["Answer", "FrameErrors", "Shifted", "weighed"]
+__all__ = ["Answer", "FrameErrors", "weighed"]
 
 # In thresholds: what is taken before an answer is known, and what is tried where one is.
 FIRST_DOT, FIRST_SHIFT = 0.2, 0.6
 DOTS, SHIFTS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3), (0.05, 0.2, 0.4, 0.7, 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Shifted:
-    """What an answer leaves when each frame is shifted by what its pose may be off.
-
-    Attributes:
-        costs: (F,), nats: of a frame's dots, at most 4.5 each, and of its shift.
-        labels: (N,): the wire of each dot, -1 for none.
-        distances_mm: (N,): from it; NaN without one.
-        shifts_mm: (F, 3).
-    """
-
-    costs: Array
-    labels: NDArray[np.int32]
-    distances_mm: Array
-    shifts_mm: Array
 
 
 @dataclass(frozen=True)
@@ -74,11 +54,7 @@ class FrameErrors:
         """What each answer costs, frame by frame."""
         if not answers:
             return []
-        starts = np.stack([one.matrix for one in answers])
-        found = _core.shift_labels(
-            table.points, table.first, table.wires, starts, threshold_mm, self.dot_mm, self.shift_mm
-        )
-        return [Shifted(*each) for each in zip(*found, strict=True)]
+        return table.shifted(answers, threshold_mm, self.dot_mm, self.shift_mm)
 
 
 @dataclass(frozen=True, eq=False)

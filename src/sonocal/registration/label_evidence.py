@@ -24,8 +24,8 @@ HARDLY, LEAST_SHOWN = 0.25, 4
 # Of frames, from which on these tell how much their differences scatter.
 ENOUGH_FRAMES = 6
 SHUFFLES = (0.5, 0.25, 0.38, 0.62, 0.12)
-# Dots that make a hypothesis; and parts of the threshold that are tried.
-SAMPLE, CLOSER = 4, (1.0, 0.7, 0.5, 0.35, 0.25)
+# Parts of the threshold that are tried.
+CLOSER = (1.0, 0.7, 0.5, 0.35, 0.25)
 
 
 def nats_apart(table: LabelTable, costs: Array, others: Array) -> tuple[float, float]:
@@ -57,31 +57,30 @@ def by_chance(table: LabelTable, answer: Answer, threshold_mm: float) -> float:
     Source: a-contrario model estimation with an adaptive threshold (Moisan, Moulon and Monasse 2012).
     """
     one, scale = answer.settled, float(np.linalg.norm(answer.settled.matrix[:3, 0]))
-    wires, area, count = table.wires.shape[1], table.box_mm2(scale), len(table.points)
-    tried = SAMPLE * float(np.log(count * wires)) + float(np.log(2 * len(CLOSER)))
-    plain = _by_chance(one.distances_mm, threshold_mm, SAMPLE, tried, wires / area)
+    wires, count, sample = table.wires.shape[1], len(table.points), table.sample
+    tried = sample * float(np.log(count * wires)) + float(np.log(2 * len(CLOSER)))
+    within_mm = threshold_mm * np.array(CLOSER)
+    chances = [table.chance(scale, within) for within in within_mm]
+    plain = _by_chance(one.distances_mm, within_mm, sample, tried, chances)
     # A frame's shift brings a dot onto a wire that is within reach: one dot fewer tells, and so many shifts are tried.
     hit = np.bincount(table.frame[answer.shifted.labels >= 0], minlength=len(table.wires)) > 0
-    pairs = np.diff(table.first)[hit] * wires * np.pi * threshold_mm**2 / area
+    pairs = np.diff(table.first)[hit] * chances[0]
     shifted = _by_chance(
         answer.shifted.distances_mm,
-        threshold_mm,
-        SAMPLE + int(np.count_nonzero(hit)),
+        within_mm,
+        sample + int(np.count_nonzero(hit)),
         tried + float(np.log1p(pairs).sum()),
-        wires / area,
+        chances,
     )
     return min(plain, shifted)
 
 
-def _by_chance(
-    distances_mm: Array, threshold_mm: float, used: int, tried: float, wires_per_mm2: float
-) -> float:
+def _by_chance(distances_mm: Array, within_mm: Array, used: int, tried: float, chances: list[float]) -> float:
     """As `by_chance`, where so many dots were brought onto wires, by the best of so many answers (log)."""
     from scipy.special import bdtrc
 
     least, count = np.inf, len(distances_mm)
-    for within in threshold_mm * np.array(CLOSER):
-        one = wires_per_mm2 * np.pi * within**2
+    for within, one in zip(within_mm, chances, strict=True):
         hits = int(np.count_nonzero(distances_mm <= within))  # NaN where there is no wire
         if hits <= used or one >= 1:
             continue

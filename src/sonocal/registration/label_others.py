@@ -58,8 +58,8 @@ def _differing(one: Answer, other: Answer) -> float:
 
 def _apart_mm(table: LabelTable, one: Answer, other: Answer) -> float:
     """The farthest that two answers take a dot apart."""
-    between = one.settled.matrix - other.settled.matrix
-    return float(np.linalg.norm(table.points @ between[:3, :2].T + between[:3, 3], axis=1).max())
+    between = table.mapped_mm(one.settled.matrix) - table.mapped_mm(other.settled.matrix)
+    return float(np.linalg.norm(between, axis=1).max())
 
 
 def _alike(table: LabelTable, one: Answer, other: Answer, within_mm: float) -> bool:

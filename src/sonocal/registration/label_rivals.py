@@ -17,13 +17,18 @@ TILTED = "the mirrored tilt"
 
 def rival_starts(table: LabelTable, best: Settled) -> Iterator[tuple[str, Array]]:
     """Names and similarities (4, 4) near which other answers may lie."""
-    tilted = _mirrored_tilt(table, best.matrix)
-    yield TILTED, tilted
+    flat = table.points.ndim == 2
+    tilted = _mirrored_tilt(table, best.matrix) if flat else best.matrix
+    if flat:
+        yield TILTED, tilted
     used = np.flatnonzero(np.diff(table.first) > 0)
     middle = int(used[len(used) // 2]) if len(used) else 0
     for name, motion in near_isometries(table.wires[middle]):
-        for start in (best.matrix, tilted):
-            yield name, _right_handed(motion @ start)
+        if flat:
+            for start in (best.matrix, tilted):
+                yield name, _right_handed(motion @ start)
+        elif np.linalg.det(motion[:3, :3]) > 0:  # a volume is no mirror of itself
+            yield name, motion @ best.matrix
 
 
 def _mirrored_tilt(table: LabelTable, matrix: Array) -> Array:

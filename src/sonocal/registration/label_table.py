@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import InputError
 from sonocal.geometry import Array
+from sonocal.registration.label_input import numbers, sorted_by_frame
 
-__all__ = ["LabelTable", "Settled"]
+__all__ = ["LabelTable", "Settled", "Shifted", "distances_from"]
 
-MOST_DOTS, MOST_WIRES = 255, 255
 SPACING_SHARE, LEAST_MM, MOST_MM = 0.2, 1.0, 5.0
-SAMPLES = 64
+SAMPLES, MOST_LOOKED_AT = 64, 9
 # Standard deviations that a second wire must be farther from a dot than its own.
 CLEARLY = 4.0
 
@@ -38,6 +38,23 @@ class Settled:
 
 
 @dataclass(frozen=True, eq=False)
+class Shifted:
+    """What an answer leaves when each frame is shifted by what its pose may be off.
+
+    Attributes:
+        costs: (F,), nats: of a frame's dots, at most 4.5 each, and of its shift.
+        labels: (N,): the wire of each dot, -1 for none.
+        distances_mm: (N,): from it; NaN without one.
+        shifts_mm: (F, 3).
+    """
+
+    costs: Array
+    labels: NDArray[np.int32]
+    distances_mm: Array
+    shifts_mm: Array
+
+
+@dataclass(frozen=True, eq=False)
 class LabelTable:
     """Dots, frame by frame.
 
@@ -47,6 +64,9 @@ class LabelTable:
         wires: (F, L, 2, 3), mm.
         order: (N,): where each dot stood when it was given.
     """
+
+    sample: ClassVar[int] = 4
+    """How many dots on wires give a similarity."""
 
     points: Array
     first: NDArray[np.int32]
@@ -60,37 +80,7 @@ class LabelTable:
         Raises:
             InputError: shapes differ, a number is not finite, or a frame does not exist.
         """
-        dots = _numbers("points", points, (2,), "(N, 2) px")
-        lines = np.asarray(wires, dtype=np.float64)
-        if lines.ndim == 3:
-            lines = lines[None]
-        if lines.ndim != 4 or lines.shape[2:] != (2, 3) or 0 in lines.shape:
-            raise InputError(
-                f"lines must be (L, 2, 3) or (F, L, 2, 3) mm, two points on each; got {lines.shape}"
-            )
-        if not np.isfinite(lines).all():
-            raise InputError("lines holds a number that is not finite; leave out frames without a pose")
-        if (lines[:, :, 0] == lines[:, :, 1]).all(axis=-1).any():
-            raise InputError("lines holds one whose two points are one; give two places on each")
-        number = np.zeros(len(dots), dtype=np.int64) if frame is None else np.asarray(frame)
-        if number.shape != (len(dots),) or number.dtype.kind not in "iu":
-            raise InputError(
-                f"frame must be {len(dots)} whole numbers, one a point; got {number.dtype} {number.shape}"
-            )
-        if len(number) and not (number.min() >= 0 and number.max() < len(lines)):
-            raise InputError(
-                f"frame must be between 0 and {len(lines) - 1}, as lines are of {len(lines)} frames; got "
-                f"{number.min()} to {number.max()}"
-            )
-        counts = np.bincount(number, minlength=len(lines))
-        if counts.max(initial=0) > MOST_DOTS or lines.shape[1] > MOST_WIRES:
-            raise InputError(
-                f"a frame may have {MOST_DOTS} points and {MOST_WIRES} lines at the most; got {counts.max(initial=0)} "
-                f"and {lines.shape[1]}: keep the brightest points"
-            )
-        order = np.argsort(number, kind="stable")
-        first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-        return cls(np.ascontiguousarray(dots[order]), first, np.ascontiguousarray(lines), order)
+        return cls(*sorted_by_frame(numbers("points", points, (2,), "(N, 2) px"), wires, frame))
 
     @property
     def frame(self) -> NDArray[np.int64]:
@@ -111,24 +101,33 @@ class LabelTable:
         ]
 
     def telling_mm(self) -> float:
-        """A fifth of the least distance between two wires, so that none is taken for the next; from 1 to 5 mm."""
+        """A fifth of the least distance between two wires, so that none is taken for the next; from 1 to 5 mm.
+
+        Of needles that move against one another, in the middle one of some frames.
+        """
         share = np.linspace(0, 1, SAMPLES)[:, None]
-        places = [(1 - share) * one[0] + share * one[1] for one in self.wires[0]]
-        apart = [
-            np.linalg.norm(places[i][:, None] - places[j], axis=-1).min()
-            for i in range(len(places))
-            for j in range(i)
-        ]
-        return float(np.clip(SPACING_SHARE * min(apart, default=np.inf), LEAST_MM, MOST_MM))
+        least: list[float] = []
+        for wires in self.wires[np.unique(np.linspace(0, len(self.wires) - 1, MOST_LOOKED_AT).astype(int))]:
+            places = [(1 - share) * one[0] + share * one[1] for one in wires]
+            apart = [
+                np.linalg.norm(places[i][:, None] - places[j], axis=-1).min()
+                for i in range(len(places))
+                for j in range(i)
+            ]
+            least.append(float(min(apart, default=np.inf)))
+        return float(np.clip(SPACING_SHARE * float(np.median(least)), LEAST_MM, MOST_MM))
+
+    def mapped_mm(self, matrix: Array) -> Array:
+        """(M, 3): where a similarity takes the dots."""
+        return np.asarray(self.points @ matrix[:3, :2].T + matrix[:3, 3])
+
+    def distances_mm(self, matrix: Array) -> Array:
+        """(N, L): of each dot from each wire of its frame."""
+        return distances_from(self.mapped_mm(matrix)[:, None], self.wires[self.frame])
 
     def sure(self, settled: Settled) -> NDArray[np.bool_]:
         """(N,): labelled dots that are not about as near to a second wire, as where two cross in the image."""
-        ends = self.wires[self.frame]
-        along = ends[:, :, 1] - ends[:, :, 0]
-        along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-        away = (self.points @ settled.matrix[:3, :2].T + settled.matrix[:3, 3])[:, None] - ends[:, :, 0]
-        away = away - np.einsum("nli,nli->nl", away, along)[..., None] * along
-        distances = np.linalg.norm(away, axis=-1)
+        distances = self.distances_mm(settled.matrix)
         labelled = np.flatnonzero(settled.labels >= 0)
         own = distances[labelled, settled.labels[labelled]]
         distances[labelled, settled.labels[labelled]] = np.inf
@@ -136,6 +135,20 @@ class LabelTable:
         sure = np.zeros(len(self.points), dtype=bool)
         sure[labelled] = distances[labelled].min(axis=1) > own + CLEARLY * sigma
         return sure
+
+    def shifted(
+        self, answers: list[Settled], threshold_mm: float, dot_mm: float, shift_mm: float
+    ) -> list[Shifted]:
+        """What each of some answers costs, frame by frame, with errors of dots and of frames (standard deviations)."""
+        starts = np.stack([one.matrix for one in answers])
+        found = _core.shift_labels(
+            self.points, self.first, self.wires, starts, threshold_mm, dot_mm, shift_mm
+        )
+        return [Shifted(*each) for each in zip(*found, strict=True)]
+
+    def chance(self, scale: float, within_mm: float) -> float:
+        """How many wires are within a distance of a dot that lies anywhere, on average."""
+        return float(self.wires.shape[1] * np.pi * within_mm**2 / self.box_mm2(scale))
 
     def as_given(self, settled: Settled) -> tuple[NDArray[np.int64], Array]:
         """Labels that are sure and distances (N,) in the order in which the dots were given."""
@@ -147,9 +160,7 @@ class LabelTable:
 
     def shuffled(self, by: int) -> LabelTable:
         """The same dots against the wires of other frames."""
-        return LabelTable(
-            self.points, self.first, np.ascontiguousarray(np.roll(self.wires, by, axis=0)), self.order
-        )
+        return replace(self, wires=np.ascontiguousarray(np.roll(self.wires, by, axis=0)))
 
     def box_mm2(self, scale: float) -> float:
         """The area of the box that holds all dots."""
@@ -157,10 +168,10 @@ class LabelTable:
         return max(float(np.prod(sides)), 1e-9)
 
 
-def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...], words: str) -> Array:
-    array = np.asarray(given, dtype=np.float64)
-    if array.ndim != 1 + len(shape) or array.shape[1:] != shape:
-        raise InputError(f"{name} must be {words}; got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} holds a number that is not finite; leave out what was not found")
-    return array
+def distances_from(places: Array, wires: Array) -> Array:
+    """(...): of places (..., 3) from the lines through the ends of wires (..., 2, 3)."""
+    along = wires[..., 1, :] - wires[..., 0, :]
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    away = places - wires[..., 0, :]
+    away = away - np.sum(away * along, axis=-1, keepdims=True) * along
+    return np.asarray(np.linalg.norm(away, axis=-1))

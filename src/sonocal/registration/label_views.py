@@ -36,10 +36,10 @@ def telling_view(table: LabelTable, matrix: Array, other: Array) -> tuple[str, f
         other: (4, 4), the same of the other one.
 
     Returns:
-        Words, and the middle distance, mm; "" and 0 where dots part nowhere.
+        Words, and the middle distance, mm; "" and 0 where dots part nowhere, and of volumes.
     """
     used = np.flatnonzero(np.diff(table.first) > 0)
-    if not len(used):
+    if not len(used) or table.points.ndim > 2:
         return "", 0.0
     wires = table.wires[used[len(used) // 2]]
     parted = {words: _least_parted_mm(table, matrix, other, wires, motion) for words, motion in VIEWS.items()}
