@@ -7,26 +7,32 @@ from __future__ import annotations
 
 import argparse
 import re
+import socket
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sonocal.recording import ArrayFrames, Recording
+from sonocal.recording import ArrayFrames, Poses, Recording
 from sonocal.recording.formats import write_recording
 from sonocal.simulation.sample import sample_sweep
 from sonocal.simulation.sweep import SimulatedSweep
 from sonocal.targets import write_lines
 
-PICTURE = Path(__file__).parent / "pictures" / "studio.png"
+PICTURES = Path(__file__).parent / "pictures"
+KEPT = {"good": "studio.png", "scan": "studio-scan.png"}
+"""The pictures of docs/studio.md, by their state."""
 WIDTHS_PX, HEIGHT_PX = (390, 1280, 2560), 900
+TOLD = "#far.use, #far.care, #far.stop"
+TIP_MM = 210.0
 LOOKS = ("light", "dark")
+IMAGE = "#frame[data-frame]"
 ANSWERED = '#numbers:not([data-revision=""])'
 
 
@@ -61,13 +67,17 @@ class State:
         name: of the pictures.
         recorded: what is shown.
         done: to the page, once it answered; with the server's process.
-        answered: whether an answer is waited for.
+        ready: what is waited for.
+        live: whether it is played to the page as a scan.
+        turned: whether a pivot and a spin are there to find the needle from, in place of its file.
     """
 
     name: str
     recorded: Callable[[SimulatedSweep], Recording] = all_of_it
     done: Callable[[Any, subprocess.Popen[str]], None] = lambda tab, server: None
-    answered: bool = True
+    ready: str = ANSWERED
+    live: bool = False
+    turned: bool = False
 
 
 def exported(tab: Any, server: subprocess.Popen[str]) -> None:
@@ -86,39 +96,120 @@ def dropped(tab: Any, server: subprocess.Popen[str]) -> None:
     tab.wait_for_timeout(1000)
 
 
+def answered(tab: Any, server: subprocess.Popen[str]) -> None:
+    tab.wait_for_selector("#verdict.use, #verdict.care", timeout=120_000)
+
+
+def scanned(tab: Any, server: subprocess.Popen[str]) -> None:
+    """Long enough for the curve to fall."""
+    tab.wait_for_function(
+        "parseInt(document.getElementById('counts').textContent.split(', ')[1]) >= 150", timeout=300_000
+    )
+    tab.wait_for_selector("#slices canvas", timeout=120_000)
+
+
+def unplugged(tab: Any, server: subprocess.Popen[str]) -> None:
+    scanned(tab, server)
+    PLAYERS[server.pid].kill()
+    tab.wait_for_selector("#banner.stop", timeout=60_000)
+
+
+def still(sweep: SimulatedSweep) -> Recording:
+    """Of which the needle hardly turns, so that a pivot of it tells no tip."""
+    return one_pose(sweep)
+
+
+PLAYERS: dict[int, subprocess.Popen[str]] = {}
+"""What plays to a studio, by the studio's process."""
 STATES = (
     State("good"),
     State("dropped", done=dropped),
     State("exported", done=exported),
     State("lost", done=lost),
-    State("looking", answered=False),
+    State("looking", ready=IMAGE),
     State("too-few", few),
     State("no-needle", blank),
     State("warned", one_direction),
     State("degenerate", one_pose),
+    State("scan-begins", ready="#frame[data-item]", live=True),
+    State("scan", ready=TOLD, done=scanned, live=True),
+    State("scan-lost", ready=TOLD, done=unplugged, live=True),
+    State("needle", ready="#tool-result.use", done=answered, turned=True),
+    State("needle-refused", still, ready="#tool-result.stop", turned=True),
 )
 
 
-@contextmanager
-def studio(
-    folder: Path, recording: Recording, sweep: SimulatedSweep
-) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """A studio on a recording: its address and process."""
-    source, lines = folder / "sweep.igs.mha", folder / "needle.toml"
-    write_recording(recording, source)
-    write_lines(sweep.lines, lines)
-    command = [sys.executable, "-m", "sonocal", "studio", str(source), "--lines", str(lines), "--no-browser"]
-    server = subprocess.Popen(
-        [*command, "-o", str(folder / "studio")], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+def turned(sweep: SimulatedSweep, steps: Any) -> Recording:
+    """The needle's marker turned about its resting tip by rotation vectors (N, 3), rad."""
+    from scipy.spatial.transform import Rotation
+
+    matrices = np.tile(np.eye(4), (len(steps), 1, 1))
+    rng = np.random.default_rng(1)
+    jitter = Rotation.from_rotvec(rng.normal(0, np.radians(0.1), (len(steps), 3)))
+    matrices[:, :3, :3] = (jitter * Rotation.from_rotvec(steps)).as_matrix()
+    matrices[:, :3, 3] = rng.normal(0, 0.2, (len(steps), 3)) - matrices[:, :3, :3] @ np.array(
+        [0.0, 0.0, -TIP_MM]
     )
+    return Recording(np.arange(len(steps)) / 20, poses={"Needle": Poses.of("Needle", "Tracker", matrices)})
+
+
+def arguments_of(state: State, folder: Path, sweep: SimulatedSweep) -> list[str]:
+    """What the studio is called with; its files are written."""
+    recording = state.recorded(sweep)
+    write_recording(recording, folder / "sweep.igs.mha")
+    write_lines(sweep.lines, folder / "needle.toml")
+    if not state.turned:
+        return [str(folder / "sweep.igs.mha"), "--lines", str(folder / "needle.toml")]
+    t = np.linspace(0, 12, 200)
+    tilts = 0.5 * np.column_stack([np.sin(t), np.cos(1.3 * t), 0.3 * np.sin(0.7 * t)])
+    share = 1.0 if state.recorded is all_of_it else 0.01
+    write_recording(turned(sweep, share * tilts), folder / "pivot.igs.mha")
+    write_recording(turned(sweep, np.outer(np.sin(t / 4), [0, 0, 2.5])), folder / "spin.igs.mha")
+    named = ["--pivot", str(folder / "pivot.igs.mha"), "--spin", str(folder / "spin.igs.mha")]
+    return named if state.recorded is still else [str(folder / "sweep.igs.mha"), *named]
+
+
+@contextmanager
+def played(folder: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The sweep, served over and over: where, and by which process."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "sonocal", "replay", str(folder / "sweep.igs.mha"), "--loop"]
+    player = subprocess.Popen([*command, "--port", str(port)], stdout=subprocess.PIPE, text=True)
     try:
-        assert server.stdout is not None
-        said = re.search(r"http://\S+", server.stdout.readline())
-        assert said is not None
-        yield said[0], server
+        assert player.stdout is not None
+        player.stdout.readline()
+        yield f"localhost:{port}", player
     finally:
-        server.kill()
-        server.communicate()
+        player.kill()
+        player.communicate()
+
+
+@contextmanager
+def studio(folder: Path, state: State, sweep: SimulatedSweep) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A studio in a state: its address and process."""
+    with ExitStack() as stack:
+        named, player = arguments_of(state, folder, sweep), None
+        if state.live:
+            where, player = stack.enter_context(played(folder))
+            named = ["--live", where, *named[1:]]
+        command = [sys.executable, "-m", "sonocal", "studio", *named, "--no-browser"]
+        server = subprocess.Popen(
+            [*command, "-o", str(folder / "studio")],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        if player is not None:
+            PLAYERS[server.pid] = player
+        try:
+            assert server.stdout is not None
+            said = re.search(r"http://\S+", server.stdout.readline())
+            assert said is not None
+            yield said[0], server
+        finally:
+            server.kill()
+            server.communicate()
 
 
 def draw(state: State, browser: Any, paths: dict[tuple[int, str], Path]) -> None:
@@ -126,7 +217,7 @@ def draw(state: State, browser: Any, paths: dict[tuple[int, str], Path]) -> None
     sweep = sample_sweep()
     with (
         tempfile.TemporaryDirectory() as folder,
-        studio(Path(folder), state.recorded(sweep), sweep) as (address, server),
+        studio(Path(folder), state, sweep) as (address, server),
     ):
         tabs = {}
         first = browser.new_context()
@@ -139,7 +230,7 @@ def draw(state: State, browser: Any, paths: dict[tuple[int, str], Path]) -> None
             )
             tab = tabs[width_px, look] = context.new_page()
             tab.goto(address.split("?")[0])
-            tab.wait_for_selector(ANSWERED if state.answered else "#frame[data-frame]", timeout=120_000)
+            tab.wait_for_selector(state.ready, timeout=300_000)
         state.done(tab, server)
         tab.wait_for_timeout(1000)
         for key, path in paths.items():
@@ -162,7 +253,9 @@ def main() -> None:
             executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
         )
         if arguments.folder is None:
-            draw(STATES[0], browser, {(1280, "light"): PICTURE})
+            for state in STATES:
+                if state.name in KEPT:
+                    draw(state, browser, {(1280, "light"): PICTURES / KEPT[state.name]})
             return
         for state in STATES:
             if state.name in arguments.states:

@@ -21,6 +21,7 @@ ROOMS: dict[str, set[str]] = {
     "studio": {
         "live",
         "reconstruction",
+        "tools",
         "sweep",
         "calibration",
         "validation",

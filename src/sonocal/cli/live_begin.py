@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from sonocal.errors import UnsupportedError
 if TYPE_CHECKING:
     from sonocal.live import Live
     from sonocal.sweep import Session
+    from sonocal.targets import Line, Target, Unplaced
 
 __all__ = ["IMAGE", "IMAGES", "MOST_TILT", "RECORDING", "UNTIL", "as_recorded", "keep_in", "session_of"]
 
@@ -56,7 +58,7 @@ MOST_TILT = click.option(
 
 
 def session_of(lines: Path, options: dict[str, Any]) -> Session:
-    """A session of the needles and wires of a file.
+    """A session of the needles and wires of a file; the tip of one, as ``sonocal tool`` writes it, is not looked for.
 
     Raises:
         UnsupportedError: it holds others, too.
@@ -67,7 +69,7 @@ def session_of(lines: Path, options: dict[str, Any]) -> Session:
 
     known, fixed = targets_in(lines)
     needles = [one for one in known if isinstance(one, Line)]
-    if len(needles) < len(known):
+    if any(not isinstance(one, Line) and not _is_tip(one, needles) for one in known):
         raise UnsupportedError(
             f"{lines.name}: holds more than needles and wires, and sonocal live follows these alone; record, and name "
             "it to sonocal calibrate"
@@ -76,6 +78,16 @@ def session_of(lines: Path, options: dict[str, Any]) -> Session:
     how = {name: options[name] for name in OF_SESSIONS if name in options}
     how |= given(("count", "centre"), options) | ({"latency": ESTIMATE} if estimated else {})
     return Session(needles, fixed=fixed, **how)
+
+
+def _is_tip(one: Target | Unplaced, needles: Sequence[Line]) -> bool:
+    """Whether a target is an end of a needle."""
+    from sonocal.targets import Point
+
+    return isinstance(one, Point) and any(
+        one.frame == needle.frame and (one.place_mm == needle.segment_mm).all(axis=1).any()
+        for needle in needles
+    )
 
 
 def keep_in(session: Session, output: Path) -> None:

@@ -26,7 +26,7 @@ from sonocal.cli.screen.plain import say
 from sonocal.cli.studio_live import scan_to_follow
 
 if TYPE_CHECKING:
-    from sonocal.studio import Begin
+    from sonocal.studio import Asked, Begin
 
 __all__ = ["open_studio", "studio"]
 
@@ -38,6 +38,7 @@ READING_LATER = tuple(name for name in READING if name not in ("latency_s", "on_
     "Look at a sweep in the browser, and mend its points.",
     groups={
         "What is read": ("lines", *READING),
+        "The needle, where no file says it": ("pivot", "spin", "tool_name", "length_mm"),
         "A scan that goes on": ("live", "image", "until_mm", "most_tilt_deg"),
         "What is written": ("output",),
         "Where the page is": ("host", "port", "browser"),
@@ -45,6 +46,7 @@ READING_LATER = tuple(name for name in READING if name not in ("latency_s", "on_
     examples=(
         "sonocal studio",
         "sonocal studio sweep.igs.mha --lines needle.toml",
+        "sonocal studio sweep.igs.mha --pivot pivot.igs.mha --spin spin.igs.mha",
         "sonocal studio --live localhost:18944 --lines needle.toml",
         "sonocal studio sweep.igs.mha --lines needle.toml --no-browser --port 8800 -o mended",
     ),
@@ -57,6 +59,17 @@ READING_LATER = tuple(name for name in READING if name not in ("latency_s", "on_
 @PROBE
 @LATENCY_OR_ESTIMATE
 @INVALID
+@click.option("--pivot", type=FILE, help="Recording of the needle tilted about its resting tip.")
+@click.option("--spin", type=FILE, help="Recording of it turned about its shaft.")
+@click.option(
+    "--tool", "tool_name", default="Needle", show_default=True, help="What the needle's marker is called."
+)
+@click.option(
+    "--length",
+    "length_mm",
+    type=click.FloatRange(0, min_open=True),
+    help="Of the shaft from its tip, mm.  [default: to beside the marker]",
+)
 @click.option(
     "--live",
     metavar="HOST[:PORT]",
@@ -87,12 +100,17 @@ def studio(
     port: int,
     browser: bool,
     live: str | None,
+    pivot: Path | None,
+    spin: Path | None,
     **options: Any,
 ) -> None:
     """Open a local web page: look at frames with what was detected, click where the detector was wrong, and see
     verdict and predicted error follow.
 
     INPUT is a recording, or a table of sightings; without one, drop a file into the page.
+
+    With --pivot and --spin the needle is found first, as "sonocal tool" does; the page does the same of what is dropped
+    there.
 
     With --live the page follows a scan: the newest image, the error as it falls, and which pose to hold next. What
     arrives is in OUTPUT/recording.mhd as soon as it is there; at the end it is opened like any recording.
@@ -103,13 +121,14 @@ def studio(
     from sonocal.errors import InputError
 
     _refuse_halves(source, lines, live)
-    for path in (source, lines):
+    asked = _needle(pivot, spin, lines, live, options)
+    for path in (source, lines, pivot, spin):
         if path is not None and not path.exists():
             raise InputError(f"{path}: there is no such file; check the name and the folder")
     first = [path for path in (source, lines) if path is not None]
     how: dict[str, Any] = {"host": host, "port": port, "browser": browser}
     if live is None:
-        open_studio(first, output, **how, reading=_typed_again(READING))
+        open_studio(first, output, **how, reading=_typed_again(READING), needle=asked)
         return
     assert lines is not None
     reading = _typed_again(READING_LATER)
@@ -128,6 +147,23 @@ def _refuse_halves(source: Path | None, lines: Path | None, live: str | None) ->
         raise click.UsageError(f"{name} is for --live, which is missing")
 
 
+def _needle(
+    pivot: Path | None, spin: Path | None, lines: Path | None, live: str | None, options: dict[str, Any]
+) -> Asked | None:
+    """What the needle is to be found from."""
+    from sonocal.studio import Asked
+
+    if pivot is None and spin is None:
+        for name in typed(("tool_name", "length_mm")):
+            raise click.UsageError(f"{name} is for --pivot and --spin, which are missing")
+        return None
+    if lines is not None or live is not None:
+        raise click.UsageError(
+            "--pivot and --spin find the needle that --lines would say, of a sweep that is recorded; leave one out"
+        )
+    return Asked(pivot, spin, options["tool_name"], options["length_mm"])
+
+
 def open_studio(
     first: Sequence[Path],
     output: Path,
@@ -137,6 +173,7 @@ def open_studio(
     browser: bool,
     reading: Sequence[str] = (),
     begin: Begin | None = None,
+    needle: Asked | None = None,
 ) -> None:
     """Serve the page until somebody interrupts.
 
@@ -148,6 +185,7 @@ def open_studio(
         browser: whether to open one, where somebody looks.
         reading: further arguments of ``sonocal calibrate``.
         begin: a live session that the page follows.
+        needle: what the needle is found from.
     """
     from sonocal.cli.screen.terminal import somebody_looks
     from sonocal.cli.studio_work import Openings
@@ -159,9 +197,10 @@ def open_studio(
         if browser and somebody_looks():
             click.launch(address)
 
-    opener = Openings(output, reading).open
-    kept = RECORDING, IMAGES
-    serve(output, opener, first, host=host, port=port, begin=begin, recorded=kept, ready=ready)
+    openings = Openings(output, reading)
+    how: dict[str, Any] = {"host": host, "port": port, "ready": ready}
+    how |= {"begin": begin, "recorded": (RECORDING, IMAGES), "needle": needle}
+    serve(output, openings.open, openings.tool, first, **how)
 
 
 def _typed_again(names: Sequence[str]) -> list[str]:

@@ -12,12 +12,15 @@ from sonocal.cli.calibrate import calibrate
 from sonocal.cli.from_recording import given_recording
 from sonocal.cli.reading import ESTIMATE
 from sonocal.cli.results import parted, results
+from sonocal.cli.tool import OF_OTHER_TOOLS, found_tool, tool
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.observations import Observations
     from sonocal.studio.marks import Marks
+    from sonocal.studio.needle import Asked
     from sonocal.studio.work import Work
+    from sonocal.tools import ToolCalibration
 
 __all__ = ["Openings"]
 
@@ -52,6 +55,19 @@ class Openings:
         if lines is None:
             return self._bare(source)
         return self._recording(source, lines)
+
+    def tool(self, asked: Asked) -> ToolCalibration:
+        """What ``sonocal tool`` finds of a pivot and a spin.
+
+        Raises:
+            SonocalError: as that.
+        """
+        words = [*map(str, filter(None, [asked.pivot])), "--tool", asked.tool]
+        words += ["--spin", str(asked.spin)] * (asked.spin is not None)
+        words += ["--length", repr(asked.length_mm)] * (asked.length_mm is not None)
+        with _parsed(words, tool) as context:
+            options = {name: value for name, value in context.params.items() if name not in OF_OTHER_TOOLS}
+            return found_tool(asked.pivot, options, accept_units=False)
 
     def _recording(self, source: Path, lines: Path) -> Work:
         from sonocal.detection import Detections
@@ -141,10 +157,10 @@ class Openings:
         return path
 
 
-def _parsed(arguments: list[str]) -> click.Context:
-    """``sonocal calibrate`` with some arguments, as its options find them."""
+def _parsed(arguments: list[str], of: click.Command = calibrate) -> click.Context:
+    """``sonocal calibrate``, or another command, with some arguments, as its options find them."""
     try:
-        return calibrate.make_context("calibrate", list(arguments))
+        return of.make_context(str(of.name), list(arguments))
     except click.ClickException as error:
         raise InputError(error.format_message()) from None
 

@@ -29,11 +29,16 @@ from sonocal.errors import InputError
 
 if TYPE_CHECKING:
     from sonocal.recording import Recording
-    from sonocal.tools import (
-        Stylus,
-    )
+    from sonocal.tools import Stylus, ToolCalibration
 
-__all__ = ["tool"]
+__all__ = ["OF_OTHER_TOOLS", "found_tool", "tool"]
+
+
+OF_OTHER_TOOLS = (
+    *("recording", "output", "landmarks", "session", "expected", "overwrite", "accept_units", "as_json"),
+    *("page", *OF_LANDMARKS),
+)
+"""Parameters that say nothing of what one tool's recordings are."""
 
 
 class _Range(click.ParamType[slice]):
@@ -181,10 +186,7 @@ def tool(
     """  # noqa: D301 - click leaves the lines below the escape alone
     from sonocal.cli.screen.recording import print_tool
     from sonocal.files import write_atomically
-    from sonocal.tools import (
-        calibrate_tool,
-        tool_toml,
-    )
+    from sonocal.tools import tool_toml
 
     if session:
         _refuse_half_a_stylus(options)
@@ -199,12 +201,8 @@ def tool(
         return
     _refuse_landmarks(options)
     _refuse_half_a_stylus(options)
-    options |= _parts(recording, options)
-    options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
     reserve(*([] if output is None else [output]))
-    found = calibrate_tool(options.pop("tool_name"), **options)
-    source = next(part.name for name in ("first", "spin") if (part := options.get(name)) is not None)
-    refuse_units(source, found.diagnostics, accepted=accept_units)
+    found = found_tool(recording, options, accept_units=accept_units)
     compared = None if expected is None else expected_tip(found, expected)
     if output is not None:
         reserve(output)
@@ -217,6 +215,24 @@ def tool(
         console().print(compared.sentence, markup=False)
     if output is not None:
         say(f"Wrote {output}")
+
+
+def found_tool(recording: Path | None, options: dict[str, Any], *, accept_units: bool) -> ToolCalibration:
+    """What recordings, or ranges of frames of one, say of one tool.
+
+    Args:
+        recording: of a pivot, or a touch.
+        options: of the command that are of one tool.
+        accept_units: that implausible units are meant.
+    """
+    from sonocal.tools import calibrate_tool
+
+    options |= _parts(recording, options)
+    options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
+    found = calibrate_tool(options.pop("tool_name"), **options)
+    source = next(part.name for name in ("first", "spin") if (part := options.get(name)) is not None)
+    refuse_units(source, found.diagnostics, accepted=accept_units)
+    return found
 
 
 def _touched(recording: Path | None, options: dict[str, Any]) -> Recording:

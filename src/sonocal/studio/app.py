@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from sonocal.errors import InputError, SonocalError
+from sonocal.studio.bench import Bench
 from sonocal.studio.desk import Desk
 from sonocal.studio.following import Following
 from sonocal.studio.images import shown_grey
@@ -18,7 +18,6 @@ from sonocal.studio.live_routes import live_routes
 from sonocal.studio.marks import Edit
 from sonocal.studio.page_files import page_files
 from sonocal.studio.uploads import Uploads
-from sonocal.studio.work import Work
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -26,24 +25,19 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.websockets import WebSocket
 
-__all__ = ["Opener", "application"]
-
-Opener = Callable[[Path, Path | None], Work]
-"""A recording or a table, and what is scanned, where the table does not say."""
+__all__ = ["application"]
 
 MOST_MESSAGE = 1 << 14
 """Bytes of one message of the page: an edit has a hundred."""
 
 
-def application(
-    desk: Desk, opener: Opener, uploads: Uploads, following: Following | None = None
-) -> Starlette:
+def application(desk: Desk, bench: Bench, uploads: Uploads, following: Following | None = None) -> Starlette:
     """The routes, without the guard before them.
 
     Args:
         desk: what the page looks at.
-        opener: opens what it sends.
-        uploads: keeps that.
+        bench: opens what it names.
+        uploads: keeps what it sends.
         following: a live session; None without one.
     """
     from starlette.applications import Starlette
@@ -101,17 +95,15 @@ def application(
             return refused(error, 413 if "larger than" in str(error) else 400)
         return JSONResponse({"name": name})
 
-    async def put(request: Request) -> Response:
-        try:
-            if following is not None:
-                following.refuse_while_it_goes_on()
-            asked = await _json(request)
-            source, targets = uploads.path(asked.get("source")), asked.get("targets")
-            known = None if targets is None else uploads.path(targets)
-        except SonocalError as error:
-            return refused(error)
-        desk.put(lambda: opener(source, known))
-        return JSONResponse({})
+    def asking(act: Callable[[dict[str, Any]], None]) -> Callable[[Request], Awaitable[Response]]:
+        async def asked(request: Request) -> Response:
+            try:
+                await asyncio.to_thread(act, await _json(request))
+            except SonocalError as error:
+                return refused(error)
+            return JSONResponse({})
+
+        return asked
 
     async def events(socket: WebSocket) -> None:
         await socket.accept()
@@ -125,7 +117,8 @@ def application(
             Route("/export", export, methods=["POST"]),
             Route("/files/{name}", exported),
             Route("/inputs", upload, methods=["PUT"]),
-            Route("/open", put, methods=["POST"]),
+            Route("/open", asking(bench.open_named), methods=["POST"]),
+            Route("/tool", asking(bench.find_named), methods=["POST"]),
             *live_routes(following),
             WebSocketRoute("/events", events),
         ]

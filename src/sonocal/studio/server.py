@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from sonocal.errors import InputError, UnsupportedError
-from sonocal.studio.app import Opener, application
+from sonocal.studio.app import application
+from sonocal.studio.bench import Bench
 from sonocal.studio.desk import EXPORTED, JOURNAL, Desk
 from sonocal.studio.feed import Feed
 from sonocal.studio.following import Following
 from sonocal.studio.guard import Guard
+from sonocal.studio.needle import Asked, ToolOf
 from sonocal.studio.uploads import Uploads
-from sonocal.studio.work import Work
+from sonocal.studio.work import Opener, Work
 
 __all__ = ["Begin", "serve"]
 
@@ -31,8 +33,10 @@ OWN = {JOURNAL, EXPORTED, UPLOADED}
 def serve(
     folder: Path,
     opener: Opener,
+    tool_of: ToolOf,
     first: Sequence[Path] = (),
     *,
+    needle: Asked | None = None,
     host: str = LOOPBACK,
     port: int = 0,
     begin: Begin | None = None,
@@ -44,7 +48,9 @@ def serve(
     Args:
         folder: for the journal and for what is exported.
         opener: opens what the page sends.
+        tool_of: finds tools from what the page sends.
         first: what is on the desk from the start: a recording and perhaps what is scanned, or a table.
+        needle: what the needle is found from, at the start.
         host: to listen on; another than the loopback lets other machines in, who need the key, too.
         port: 0 for one that is free.
         begin: a live session that the page follows, in place of `first`; it records into `folder`.
@@ -65,12 +71,14 @@ def serve(
         if begin is not None:
             following = stack.enter_context(closing(Following(desk, *begin())))
         uploads = Uploads(folder / UPLOADED)
-        guard = Guard(application(desk, opener, uploads, following), hosts_of(host, port), port)
+        bench = Bench(desk, uploads, opener, tool_of, following)
+        guard = Guard(application(desk, bench, uploads, following), hosts_of(host, port), port)
         for path in first:
             uploads.know(path)
         if first:
-            source, *targets = first
-            desk.put(lambda: opener(source, targets[0] if targets else None))
+            bench.open(first[0], first[1] if first[1:] else None)
+        if needle is not None:
+            bench.find_aside(needle)
         shown = LOOPBACK if host in EVERYWHERE else host
         named = f"[{shown}]" if ":" in shown else shown
         config = uvicorn.Config(

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from sonocal.errors import DegenerateGeometryError, SonocalError
+from sonocal.findings import Diagnostic
 from sonocal.studio.marks import Marks
 from sonocal.studio.work import Work
 
-__all__ = ["about", "candidates_told", "marks_told", "refusal_told"]
+__all__ = ["about", "candidates_told", "findings_told", "marks_told", "refusal_told"]
 
 MOST_CANDIDATES = 5
 
@@ -63,8 +64,11 @@ def refusal_told(error: Exception) -> dict[str, Any]:
         "kind": type(error).__name__,
         "code": error.code if isinstance(error, DegenerateGeometryError) else None,
         "sentence": str(error),
-        "findings": [
-            {"code": one.code, "severity": one.severity, "message": one.message, "advice": one.advice}
-            for one in error.diagnostics
-        ],
+        "findings": findings_told(error.diagnostics),
     }
+
+
+def findings_told(findings: Iterable[Diagnostic]) -> list[dict[str, str]]:
+    """Findings, with what to do."""
+    names = ("code", "severity", "message", "advice")
+    return [{name: getattr(one, name) for name in names} for one in findings]

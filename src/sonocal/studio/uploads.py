@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from sonocal.errors import InputError
-from sonocal.files import make_folder
+from sonocal.files import make_folder, write_atomically
 
 __all__ = ["MOST_BYTES", "Uploads"]
 
@@ -68,6 +68,17 @@ class Uploads:
             partly.unlink(missing_ok=True)
         self._sizes[clean] = size
         return clean
+
+    def keep(self, name: str, content: bytes) -> Path:
+        """Write a file of the studio's own, which the page may ask for by its name.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        make_folder(self._folder)
+        write_atomically(self._folder / name, content)
+        self._sizes[name] = len(content)
+        return self._folder / name
 
     def path(self, name: Any) -> Path:
         """Where a file lies that was sent.

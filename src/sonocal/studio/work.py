@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,7 +25,7 @@ from sonocal.studio.marks import Key, Mark, Marks, marks_of, points_of
 from sonocal.sweep import Posing, calibrate_points, sweep_of
 from sonocal.targets import Line, Target, Unplaced
 
-__all__ = ["BareWork", "Found", "RecordingWork", "Solved", "TableWork", "Work"]
+__all__ = ["BareWork", "Found", "Opener", "RecordingWork", "Solved", "TableWork", "Work"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,9 @@ class Work(Protocol):
     def files(self, marks: Marks, *, touched: bool) -> dict[str, bytes]:
         """What the command line would write of the same sightings, by name, and what it would read for that."""
 
+
+Opener = Callable[[Path, Path | None], Work]
+"""A recording or a table, and what is scanned, where the table does not say."""
 
 Files = Callable[[Marks, "Detections | Sequence[Detections] | None"], dict[str, bytes]]
 """Of the sightings that take part, or of what was detected where nobody touched any: what is exported."""
@@ -153,7 +157,7 @@ class RecordingWork:
     def crosses(self, found: Calibration) -> Any:
         """Of the lines whose place is known, under the lag that was found."""
         lines = [one for one in self._targets if isinstance(one, Line)]
-        if found.dimension != 2 or len(lines) < len(self._targets):
+        if found.dimension != 2 or not lines:
             return None
         lag, recording = found.latency_s or 0.0, self.recording
         if lag != recording.latency_s:
@@ -161,7 +165,9 @@ class RecordingWork:
         how = {
             name: self._fitting[name] for name in ("probe", "fixed", "on_invalid") if name in self._fitting
         }
-        return crossings(found, Posing(**how).segments_mm(recording, lines))
+        places = crossings(found, Posing(**how).segments_mm(recording, lines))
+        column = {one.name: i for i, one in enumerate(lines)}
+        return [[row[column[name]] if name in column else None for name in self.targets] for row in places]
 
     def files(self, marks: Marks, *, touched: bool) -> dict[str, bytes]:
         """As the command line writes them."""

@@ -13,7 +13,6 @@ from sonocal.cli.screen.parts import print_findings
 from sonocal.cli.screen.tables import MatrixRows, NumberTable
 from sonocal.detection import Detections
 from sonocal.geometry import Array
-from sonocal.geometry.units import UNITS_CODE
 from sonocal.observations.image_size import size_in_words
 from sonocal.recording import (
     ImageGeometry,
@@ -31,6 +30,7 @@ from sonocal.tools import (
     SpinCalibration,
     ToolCalibration,
 )
+from sonocal.tools.verdict import verdict_on_tool
 
 __all__ = [
     "print_device_set",
@@ -42,6 +42,9 @@ __all__ = [
     "print_tool",
     "print_unplaced",
 ]
+
+
+STYLES = {"use": "bold green", "care": "bold yellow", "stop": "bold red"}
 
 
 def print_recording(console: Console, summary: Summary) -> None:
@@ -139,17 +142,8 @@ def print_tool(console: Console, found: ToolCalibration) -> None:
 
 
 def _tool_verdict(found: ToolCalibration) -> Text:
-    known = [
-        f"the tip to +-{p.tip_95_mm:.2f} mm" for p in found.points[:1] if isinstance(p, PivotCalibration)
-    ]
-    if found.needle is not None:
-        known.append(f"the needle's direction to +-{1.96 * found.needle.direction_deviation_deg:.2f} deg")
-    trust = "expect " + " and ".join(known) + " (95 %)" if known else "see how well the points rested"
-    if any(one.code == UNITS_CODE for one in found.diagnostics):
-        return Text("Do not use it: the numbers may not be millimetres.", style="bold red")
-    if any(one.severity == "warning" for one in found.diagnostics):
-        return Text(f"Use with care: {trust}; the warnings say why it may be more.", style="bold yellow")
-    return Text(f"Sound: {trust}", style="bold green")
+    level, sentence = verdict_on_tool(found)
+    return Text(sentence, style=STYLES[level])
 
 
 def _points_table(found: ToolCalibration) -> NumberTable:

@@ -6,11 +6,18 @@ const box = /** @type {HTMLElement} */ (document.getElementById("files"));
 let needle = '[[line]]\nname = "needle"\nframe = "Needle"\nfrom_mm = [0.0, 0.0, 0.0]\nto_mm = [0.0, 0.0, -200.0]\n';
 let source = "", drawnFor = "";
 
+/** The needle that was found stands in the editor. @param {string} toml */
+export function writeNeedle(toml) {
+  const text = /** @type {HTMLTextAreaElement | null} */ (document.getElementById("needle"));
+  needle = toml;
+  if (text) { text.value = toml; text.dispatchEvent(new Event("input")); }
+}
+
 /** @param {string} said */
-function tell(said) { state.notice = said; changed("notice"); }
+export function tell(said) { state.notice = said; changed("notice"); }
 
 /** @param {Blob} content @param {string} name @returns {Promise<string | null>} */
-async function upload(content, name) {
+export async function upload(content, name) {
   const answer = await fetch("/inputs", { method: "PUT", headers: { "X-Name": encodeURIComponent(name) }, body: content }).catch(() => null);
   const told = answer ? await answer.json().catch(() => ({ refused: `${name} was refused` })) : { refused: `${name}: the connection was closed, it may be too large` };
   if (told.refused) { tell(told.refused); return null; }

@@ -31,7 +31,7 @@ function nudge(by) {
 export function listenToKeys() {
   document.addEventListener("keydown", (event) => {
     const on = /** @type {HTMLElement} */ (event.target);
-    if (event.ctrlKey || event.metaKey || event.altKey || /^(TEXTAREA|SELECT)$/.test(on.tagName) || (on.tagName === "INPUT" && !event.shiftKey && on.id !== "seek")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || /^(TEXTAREA|SELECT)$/.test(on.tagName) || /^(text|number)$/.test(/** @type {any} */ (on).type || "") || (on.tagName === "INPUT" && !event.shiftKey && on.id !== "seek")) return;
     if (isLive()) { if (event.key.toLowerCase() === "q") { endScan(); event.preventDefault(); } return; }
     const way = WAYS[event.key];
     if (way && event.shiftKey) nudge(way);

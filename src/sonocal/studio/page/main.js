@@ -5,6 +5,8 @@ import { drawFilm, drawPlace, listenToFilm } from "./film.js";
 import { drawFrame, drawn, listenToPointer } from "./frame_view.js";
 import { forget } from "./frames.js";
 import { dropOrKeep, listenToKeys, undo } from "./keys.js";
+import { drawPath } from "./path.js";
+import { drawAsked, drawTool, listenToNeedle } from "./needle.js";
 import { connect } from "./link.js";
 import { drawChanged, drawLive, listenToLive } from "./live.js";
 import { followFrames } from "./live_frames.js";
@@ -28,10 +30,11 @@ const ANEW = {
   candidates: [drawFrame],
   playing: [drawPlace, drawCharts],
   progress: [drawVerdict],
+  tool: [drawTool, drawPath],
   live: [drawLive, () => drawChanged([drawHead, drawVerdict, drawScene])],
-  answer: [drawFrame, drawHead, drawVerdict, drawNumbers, drawFindings, drawResiduals, drawScene, drawCoverage, drawButtons],
+  answer: [drawFrame, drawHead, drawPath, drawVerdict, drawNumbers, drawFindings, drawResiduals, drawScene, drawCoverage, drawButtons],
 };
-const ALL = [drawLive, followFrames, followSlices, drawHead, drawFilm, drawPlace, drawFrame, drawVerdict, drawNumbers, drawFindings, drawFiles, drawResiduals, drawScene, drawCoverage, drawButtons, drawTargets];
+const ALL = [drawLive, followFrames, followSlices, drawHead, drawPath, drawTool, drawAsked, drawFilm, drawPlace, drawFrame, drawVerdict, drawNumbers, drawFindings, drawFiles, drawResiduals, drawScene, drawCoverage, drawButtons, drawTargets];
 
 /** The charts' own marks of the frame; while frames play, a few times a second: the frames come first. */
 function drawCharts() {
@@ -68,7 +71,7 @@ by("target").onchange = () => { state.target = by("target").value; draw(); for (
 by("drop").onclick = dropOrKeep; by("undo").onclick = undo; by("worst").onclick = nextWorst; by("export").onclick = exportAll;
 new ResizeObserver(() => { for (const step of [drawLive, drawFrame, drawResiduals, drawScene, drawCoverage]) step(); }).observe(document.body);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { for (const step of ALL) step(); });
-for (const listen of [listenToPointer, listenToFilm, listenToResiduals, listenToScene, listenToDrops, listenToKeys, listenToTour, listenToLive]) listen();
+for (const listen of [listenToPointer, listenToFilm, listenToResiduals, listenToScene, listenToDrops, listenToKeys, listenToTour, listenToLive, listenToNeedle]) listen();
 by("frame").drawn = drawn;
 for (const step of ALL) step();
 connect();

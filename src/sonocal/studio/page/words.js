@@ -7,7 +7,7 @@ const by = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 export function el(tag, text = "", inside = []) { const one = document.createElement(tag); one.textContent = text; one.append(...inside); return one; }
 
 /** A sentence of the terminal's letters in those of a page. @param {string} sentence */
-const typeset = (sentence) => sentence.replaceAll("+-", "\u00b1");
+export const typeset = (sentence) => sentence.replaceAll("+-", "\u00b1");
 
 export function drawVerdict() {
   const box = by("verdict"), answer = state.answer, notYet = state.live?.refusal;
@@ -32,21 +32,21 @@ export function drawNumbers() {
   by("numbers").dataset.revision = String(state.answer?.revision ?? "");
 }
 
+/** @param {any[]} found @returns {Node[]} each to be opened for what to do */
+export function findingsOf(found) { return found.map((one) => { const d = el("details", "", [el("summary", typeset(one.message)), el("p", one.advice), el("p", one.code)]); d.className = one.severity; return d; }); }
+
 export function drawFindings() {
   const refused = state.answer?.refused || state.work.refused, found = state.answer?.findings || refused?.findings || [];
-  by("findings").replaceChildren(...(found.length ? found.map((/** @type {any} */ one) => { const d = el("details", "", [el("summary", typeset(one.message)), el("p", one.advice), el("p", one.code)]); d.className = one.severity; return d; }) : [el("p", "none")]));
+  by("findings").replaceChildren(...(found.length ? findingsOf(found) : [el("p", "none")]));
   const next = [...(state.answer?.coverage?.next || [])];
   if (state.answer?.loosest) next.push(typeset(`Loosest is ${state.answer.loosest}.`));
   by("next").replaceChildren(...(next.length ? next : ["nothing to say yet"]).map((one) => el("li", one)));
 }
 
-const STEPS = ["1 needle", "2 sweep", "3 check", "4 hand over"];
 export function drawHead() {
   const { name, frames, size_px: size, tools, phase } = state.work;
   by("what").textContent = name ? `${name}${frames ? `: ${frames} frames of ${size.join(" x ")} px; tracked: ${(tools || []).join(", ")}` : ""}` : "no recording";
-  const at = state.exported ? 4 : state.answer?.verdict ? 2 : (state.work.targets || []).length ? 1 : 0;
-  by("steps").replaceChildren(...STEPS.map((one, i) => { const li = el("li", one); li.className = i < at ? "done" : i === at ? "now" : ""; return li; }));
-  by("stage-note").textContent = phase === "empty" ? "Drop a recording and its needle.toml here, or choose them under Files." : "";
+  by("stage-note").textContent = phase === "empty" ? "Drop a recording and its needle.toml here, or choose them under Files; a needle that is not known yet is found below." : "";
   const banner = by("banner"), lost = state.connection === "lost";
   const gone = phase === "live" && state.live && !state.live.connected;
   const kept = state.live ? `what was recorded is in ${state.work.folder}/recording.mhd: name it to sonocal studio, with the same --lines.` : "start the same command again in the terminal. Every click that was kept is in the journal; others are sent when it is back.";
