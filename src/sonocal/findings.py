@@ -37,6 +37,8 @@ CODES = {
     "weak-motion": "the predicted error exceeds what is accepted",
     "narrow-area": "the area seen is a band",
     "target-elsewhere": "a target is not where it was said to be",
+    "phantom-elsewhere": "a phantom is not where its landmarks said",
+    "phantom-shape": "a phantom has not the shape that its file says",
     "outside-image": "sightings lie outside of the image",
     "two-answers": "a second answer fits as well",
     "needle-in-image-plane": "needles lie in the image",

@@ -4,6 +4,9 @@ import shutil
 from dataclasses import replace
 
 import numpy as np
+from benchmarks.phantom_places import table as phantom_table
+from benchmarks.phantom_places import wires_of
+from benchmarks.simulators.phantom_sweep import THREE, phantom_sweep
 
 import sonocal as sc
 from sonocal.detection import Detections
@@ -17,7 +20,7 @@ from sonocal.simulation.ultrasound import BATH
 from sonocal.simulation.ultrasound_probe import curvilinear
 from sonocal.sweep.placed import placed_rows
 from sonocal.sweep.tabulate import Posing
-from sonocal.targets import Unplaced
+from sonocal.targets import Unplaced, lines_toml
 from tests.builders.phantoms import write_drags, write_session, write_touches
 from tests.builders.recordings import random_poses
 from tests.builders.tank import resting_in_room
@@ -36,6 +39,7 @@ def write_files(folder):
     """A sweep and its points, tables of sightings and of points, tools' recordings, a device set, a calibration."""
     write_swept(folder)
     write_tables(folder)
+    write_phantom(folder)
     write_tools(folder)
     write_tank(folder)
     write_touches(folder)
@@ -70,6 +74,13 @@ def write_tank(folder):
     points = Detections.of_points(seen, sweep.truth.shown_px[seen])
     rows = placed_rows(recording, [Unplaced("line", "thread", "Tracker")], points, Posing())
     sc.write_observations(rows, folder / "tank.csv")
+
+
+def write_phantom(folder):
+    """A sweep of a phantom of known shape that stands anywhere, as a table of its dots by the wires' names."""
+    scene = phantom_sweep(1, THREE, frames=40, tilt_deg=40, turn_deg=40)
+    sc.write_observations(phantom_table(scene), folder / "phantom.csv")
+    (folder / "placeless.toml").write_bytes(lines_toml("placeless.toml", (), unplaced=wires_of(THREE)))
 
 
 def write_tables(folder):

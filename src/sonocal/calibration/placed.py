@@ -10,11 +10,13 @@ import numpy as np
 
 from sonocal.calibration.area import area_findings
 from sonocal.calibration.evidence import set_up_findings
+from sonocal.calibration.found_phantom import phantom_findings
 from sonocal.calibration.found_targets import FoundTarget, found_target
 from sonocal.calibration.held_out import held_out_errors, held_out_findings
 from sonocal.calibration.mixed import mapped_of, target_distances
 from sonocal.calibration.options import Options, kept_options
 from sonocal.calibration.placed_findings import placed_findings
+from sonocal.calibration.placed_phantom import phantom_among, with_phantom
 from sonocal.calibration.placed_rows import PlacedRows, frames_of, full_poses, has_poses, placed_at
 from sonocal.calibration.result import Calibration
 from sonocal.calibration.rows import image_area, split_rows
@@ -65,14 +67,19 @@ def calibrate_with_places(observations: Observations, asked: Options) -> Calibra
     _refuse_unsupported(rows, asked, held_out)
     used, targets = asked.resolved(THRESHOLD_MM), asked.targets or ()
     seen = PlacedRows.of(rows, targets)
-    answer = _registered(rows, seen, used)
+    phantom = phantom_among(rows, seen, timed=asked.latency is not None)
+    answer = _registered(rows, seen, used, trusted=phantom is not None)
+    whole = None
+    if phantom is not None:
+        answer, whole = with_phantom(rows, seen, answer, phantom, used_mm(used))
     found = {name: _found(answer, *given) for name, given in seen.given.items() if _is_asked(given[0])}
     where = _spanning(seen, found)
     placed = placed_at(rows, _at_lag(rows, seen, answer.lag_s), where)
     held = None if held_out is None else placed_at(held_out, PlacedRows.of(held_out, targets).poses, where)
-    calibration = _calibration(placed, answer, (asked, used), found, held)
+    calibration = replace(_calibration(placed, answer, (asked, used), found, held), phantom=whole)
     looks = (
         partial(placed_findings, calibration, answer),
+        partial(phantom_findings, whole, calibration.fit.rms_mm),
         partial(area_findings, calibration, placed.points_px[answer.inlier]),
         partial(held_out_findings, calibration, held),
         lambda: set_up_findings(calibration, placed, mapped_of(calibration.probe_from_image, placed)),
@@ -115,7 +122,7 @@ def _refuse_unsupported(rows: Observations, asked: Options, held_out: Observatio
         raise InputError(f"{rows.source}: has no column time_s, which a latency shows by; add it, in seconds")
 
 
-def _registered(rows: Observations, seen: PlacedRows, used: Options) -> Placed:
+def _registered(rows: Observations, seen: PlacedRows, used: Options, *, trusted: bool) -> Placed:
     try:
         return register_unplaced(
             rows.points_px,
@@ -130,6 +137,7 @@ def _registered(rows: Observations, seen: PlacedRows, used: Options) -> Placed:
             sigma_mm=used.sigma_mm,
             max_samples=min(used.max_samples, MOST_SAMPLES),
             seed=used.seed,
+            trusted=trusted,
         )
     except SonocalError as error:
         raise error.explained(error.diagnostics, f"{rows.source}: {error}") from None

@@ -6,6 +6,7 @@ from typing import Any, Literal, TypedDict
 
 import msgspec
 
+from sonocal.calibration.found_phantom import FoundPhantom
 from sonocal.calibration.found_targets import FoundTarget
 from sonocal.calibration.sound import Sound
 from sonocal.calibration.statistics import ErrorStatistics
@@ -79,6 +80,7 @@ class Record(msgspec.Struct, kw_only=True):
     latency_interval_s: tuple[float, float] | None = None
     sound: Sound | None = None
     targets: dict[str, FoundTarget] = {}
+    phantom: FoundPhantom | None = None
     certificate: Certificate = "not shown"
     models: list[ModelTest] = []
     diagnostics: list[Diagnostic]

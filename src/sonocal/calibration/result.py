@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sonocal.calibration.found_phantom import FoundPhantom
 from sonocal.calibration.found_targets import FoundTarget
 from sonocal.calibration.in_session import InSession
 from sonocal.calibration.options import Options
@@ -66,6 +67,7 @@ class Calibration(InSession):
         sound: its speed in what was scanned, where the options say more of it than that it is as the scanner assumes:
             `probe_from_image` is for images in which it is so.
         targets: by name, where targets are whose place was found with the calibration, each in its own frame.
+        phantom: of known shape, whose place was found with the calibration; or None.
         options: those it was made with; of the threshold, the mm that "auto" came to.
         provenance: input, options as the file keeps them, and versions.
     """
@@ -86,6 +88,7 @@ class Calibration(InSession):
     image_size_px: tuple[int, ...] | None = None
     seen_px: Array | None = None
     targets: Mapping[str, FoundTarget] = field(default_factory=dict)
+    phantom: FoundPhantom | None = None
     options: Options = field(default_factory=Options)
     provenance: dict[str, Any] = field(default_factory=dict)
     _certificate: LazyCertificate = field(default_factory=LazyCertificate.known, repr=False)
@@ -279,6 +282,7 @@ def calibration_json(calibration: Calibration) -> bytes:
         latency_interval_s=calibration.latency_interval_s,
         sound=calibration.sound,
         targets=dict(calibration.targets),
+        phantom=calibration.phantom,
         certificate=calibration.certificate,
         models=list(calibration.models),
         diagnostics=list(calibration.diagnostics),
@@ -378,6 +382,7 @@ def _from_record(record: Record) -> Calibration:
         latency_interval_s=record.latency_interval_s,
         sound=record.sound,
         targets=_targets(record.targets),
+        phantom=_phantom(record.phantom),
         options=options,
         provenance=record.provenance,
         _certificate=LazyCertificate.known(record.certificate),
@@ -394,6 +399,20 @@ def _check_errors(name: str, errors: ErrorStatistics | None) -> None:
     sizes = (errors.rms_mm, errors.median_mm, errors.p95_mm, errors.max_mm)
     if not all(0 <= size < FURTHEST for size in sizes):
         raise ValueError(f"{name} has an error that is not from 0 to {FURTHEST:g} mm")
+
+
+def _phantom(phantom: FoundPhantom | None) -> FoundPhantom | None:
+    if phantom is None:
+        return None
+    if (
+        np.shape(phantom.place) != (4, 4)
+        or np.shape(phantom.covariance) != (6, 6)
+        or len(phantom.middle_mm) != 3
+    ):
+        raise ValueError("phantom has numbers that are not those of a pose and its covariance")
+    if not _is_covariance(np.array(phantom.covariance)):
+        raise ValueError("phantom has a covariance that is none")
+    return phantom
 
 
 def _targets(targets: dict[str, FoundTarget]) -> dict[str, FoundTarget]:

@@ -122,7 +122,7 @@ def _check_output(output: Path | None, into: Path | None) -> None:
 
 def _read(path: Path, *, dragged: bool) -> _Phantom:
     from sonocal.cli.formats import kind_of, require_kind
-    from sonocal.targets import read_device_set, read_targets
+    from sonocal.targets import in_phantom, read_device_set, read_targets
 
     require_kind(path, ("device set", "targets"))
     if kind_of(path) == "device set":
@@ -133,7 +133,7 @@ def _read(path: Path, *, dragged: bool) -> _Phantom:
                 "<PhantomDefinition><Geometry><Landmarks>"
             )
         return _Phantom(devices.landmarks, devices.wires, devices.reference)
-    targets = read_targets(path)
+    targets = in_phantom(read_targets(path))
     if not targets.points and not dragged:
         raise InputError(
             f"{path.name}: has no landmarks; write each as a [[point]] with name, frame and at_mm"

@@ -16,7 +16,7 @@ import numpy as np
 from sonocal.calibration import Calibration
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, Images
-from sonocal.errors import InputError, SonocalError, require
+from sonocal.errors import InputError, SonocalError, UnsupportedError, require
 from sonocal.geometry import AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.recording import Recording
@@ -86,12 +86,17 @@ class UnplacedSweep:
 
         Raises:
             InputError: the recording lacks images, or an option does not exist or means nothing.
-            UnsupportedError: beads are to be found in volumes.
+            UnsupportedError: beads are to be found in volumes, or wires of a phantom without a place.
         """
         require("recording", recording, Recording)
         if wrong := [one for one in targets if not isinstance(one, (Line, Plane, Point, Unplaced))]:
             raise InputError(f"targets must be points, lines and planes; got {wrong[0]!r}"[:200])
         check_lines(recording.name, targets, "targets")
+        if any(isinstance(one, Unplaced) and one.phantom is not None for one in targets):
+            raise UnsupportedError(
+                f"{recording.name}: which dot is of which wire of a phantom without a place is not found in images; "
+                "name the wires with --points, or say where the phantom is"
+            )
         asked = Options.for_unplaced(recording, targets, **options)
         if asked.latency is not None:
             require_clock(recording)

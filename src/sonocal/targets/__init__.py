@@ -6,12 +6,21 @@ A new format of targets is a file here that ends with its `FORMAT`, and a line i
 from sonocal.targets.device_set import DeviceSet, Stated, read_device_set
 from sonocal.targets.formats import read_lines, read_targets_and_fixed, read_unplaced
 from sonocal.targets.lines import Line, Plane, Point, Target, check_lines, require_lines
-from sonocal.targets.toml_file import Targets, lines_toml, read_points_toml, read_targets, write_lines
+from sonocal.targets.phantom import Phantom
+from sonocal.targets.toml_file import (
+    Targets,
+    in_phantom,
+    lines_toml,
+    read_points_toml,
+    read_targets,
+    write_lines,
+)
 from sonocal.targets.unplaced import Unplaced
 
 __all__ = [
     "DeviceSet",
     "Line",
+    "Phantom",
     "Plane",
     "Point",
     "Stated",
@@ -19,6 +28,7 @@ __all__ = [
     "Targets",
     "Unplaced",
     "check_lines",
+    "in_phantom",
     "lines_toml",
     "read_device_set",
     "read_lines",

@@ -20,6 +20,11 @@ through_mm = [[0.0, 0.0, 0.0], [200.0, 0.0, 0.0], [0.0, 200.0, 0.0]]    # or poi
 name = "thread"
 frame = "Tracker"
 place = "unknown"           # of any target: found with the calibration; or where it roughly is, and sigma_mm
+
+[phantom]                   # all targets in one frame, whose place together is unknown: `sonocal.targets.phantom`
+frame = "Phantom"
+fixed_to = "Reference"
+place = "unknown"
 """
 
 from __future__ import annotations
@@ -43,13 +48,15 @@ from sonocal.files.toml import read_toml_text
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
 from sonocal.targets.lines import Line, Plane, Point, Target, check_lines, require_lines
+from sonocal.targets.phantom import Phantom, phantom_of, phantom_text
 from sonocal.targets.toml_keys import check_keys
-from sonocal.targets.unplaced import KINDS, Unplaced, target_of
+from sonocal.targets.unplaced import KINDS, Unplaced, of_phantom, target_of
 from sonocal.targets.unplaced_tables import is_unplaced, unplaced_keys, unplaced_of
 
 __all__ = [
     "FORMAT",
     "Targets",
+    "in_phantom",
     "lines_toml",
     "read_lines_toml",
     "read_points_toml",
@@ -96,7 +103,53 @@ def read_targets(path: str | Path) -> Targets:
     points, planes = _points(path.name, document), _planes(path.name, document)
     unplaced = _unplaced(path.name, document)
     no_lines = (points or planes or unplaced) and not _known_tables(path.name, document, "line")
-    return Targets(() if no_lines else _lines(path.name, document), points, planes, unplaced)
+    found = Targets(() if no_lines else _lines(path.name, document), points, planes, unplaced)
+    phantom = phantom_of(path.name, document)
+    return found if phantom is None else _with_phantom(path.name, found, phantom)
+
+
+def _with_phantom(name: str, found: Targets, phantom: Phantom) -> Targets:
+    """Those in the phantom's frame as what its place is asked for by.
+
+    Raises:
+        InputError: none is, or one of them has no place in it.
+    """
+    if lost := [one for one in found.unplaced if one.frame == phantom.frame]:
+        raise InputError(
+            f"{name}: {lost[0].kind} {lost[0].name!r} has no place in the phantom, whose shape must be known; say "
+            "where it is in the phantom's frame"
+        )
+    every: tuple[Target, ...] = (*found.lines, *found.planes, *found.points)
+    mine = [one for one in every if one.frame == phantom.frame]
+    if not mine:
+        raise InputError(
+            f"{name}: no target is in the phantom's frame {phantom.frame!r}; give its wires that frame"
+        )
+    check_lines(name, mine, "targets of the phantom")
+    lines, points, planes = (
+        [one for one in part if one.frame != phantom.frame]
+        for part in (found.lines, found.points, found.planes)
+    )
+    together = tuple(of_phantom(phantom, one) for one in mine)
+    return Targets(tuple(lines), tuple(points), tuple(planes), (*found.unplaced, *together))  # type: ignore[arg-type]
+
+
+def in_phantom(targets: Targets) -> Targets:
+    """A phantom's targets where they are in its own frame, as what puts it in place needs them."""
+    known = {
+        kind: tuple(
+            target_of(one.kind, one.name, one.phantom.frame, one.in_phantom_mm)
+            for one in targets.unplaced
+            if one.kind == kind and one.phantom is not None and one.in_phantom_mm is not None
+        )
+        for kind in KINDS
+    }
+    return Targets(
+        (*targets.lines, *known["line"]),  # type: ignore[arg-type]
+        (*targets.points, *known["point"]),  # type: ignore[arg-type]
+        (*targets.planes, *known["plane"]),  # type: ignore[arg-type]
+        tuple(one for one in targets.unplaced if one.phantom is None),
+    )
 
 
 def read_lines_toml(path: str | Path) -> tuple[Line, ...]:
@@ -141,6 +194,10 @@ def lines_toml(
     head = ["".join(f"# {remark}\n" for remark in remarks)] if remarks else []
     tables = [*map(_table, lines), *map(_point_table, points), *map(_plane_table, planes)]
     tables += map(_unplaced_table, unplaced)
+    phantoms = {id(one.phantom): one.phantom for one in unplaced if one.phantom is not None}
+    if len(phantoms) > 1:
+        raise InputError(f"{name}: a file of targets holds one phantom; write each into a file of its own")
+    tables += [phantom_text(list(phantoms.values()))] if phantoms else []
     return "\n".join([*head, *tables]).encode()
 
 
@@ -267,11 +324,14 @@ def _plane_table(plane: Plane) -> str:
 
 
 def _unplaced_table(target: Unplaced) -> str:
+    texts: dict[str, Any] = {"point": _point_table, "line": _table, "plane": _plane_table}
+    if target.phantom is not None and target.in_phantom_mm is not None:
+        within = target_of(target.kind, target.name, target.phantom.frame, target.in_phantom_mm)
+        return str(texts[target.kind](within))
     keys = unplaced_keys(target)
     if target.spanning_mm is None:
         return f"[[{target.kind}]]\n{_names(target)}{keys}"
     known = target_of(target.kind, target.name, target.frame, target.spanning_mm)
-    texts: dict[str, Any] = {"point": _point_table, "line": _table, "plane": _plane_table}
     return f"{texts[target.kind](known)}{keys}"
 
 

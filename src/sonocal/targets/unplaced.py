@@ -11,8 +11,9 @@ from sonocal.errors import InputError
 from sonocal.geometry import Array, frozen, real_array
 from sonocal.geometry.shown import brief
 from sonocal.targets.lines import Line, Plane, Point, Target
+from sonocal.targets.phantom import Phantom
 
-__all__ = ["KINDS", "Kind", "Unplaced", "kind_of"]
+__all__ = ["KINDS", "Kind", "Unplaced", "kind_of", "of_phantom"]
 
 Kind = Literal["point", "line", "plane"]
 KINDS: tuple[Kind, ...] = ("point", "line", "plane")
@@ -29,6 +30,8 @@ class Unplaced:
         frame: what it keeps its place to, such as "Needle"; "Tracker": the room.
         spanning_mm: (1, 3), (2, 3) or (3, 3): where it roughly is in that frame; None: nobody knows.
         sigma_mm, sigma_deg: how well that is known: standard deviations along axes across it, and of its direction.
+        phantom: whose it is, of known shape: all targets of one keep their places to one another; None: of none.
+        in_phantom_mm: (1, 3), (2, 3) or (3, 3): where it is in that phantom's frame.
 
     Raises:
         InputError: a name or a number means nothing.
@@ -40,6 +43,8 @@ class Unplaced:
     spanning_mm: Array | None = None
     sigma_mm: float = np.inf
     sigma_deg: float = np.inf
+    phantom: Phantom | None = None
+    in_phantom_mm: Array | None = None
 
     __repr__ = brief
 
@@ -48,6 +53,11 @@ class Unplaced:
             raise InputError(
                 f"target {self.name!r}: its kind is {self.kind!r}; give one of {', '.join(KINDS)}"
             )
+        if (self.phantom is None) != (self.in_phantom_mm is None):
+            raise InputError(f"target {self.name!r}: phantom and in_phantom_mm go together")
+        if self.phantom is not None and self.in_phantom_mm is not None:
+            within = target_of(self.kind, self.name, self.phantom.frame, self.in_phantom_mm)
+            object.__setattr__(self, "in_phantom_mm", frozen(np.array(within.spanning_mm)))
         if self.spanning_mm is None:  # names are checked as of those that are known
             Point(self.name, self.frame, np.zeros(3))
             return
@@ -77,3 +87,9 @@ def target_of(kind: Kind, name: str, frame: str, spanning_mm: Array) -> Target:
 def kind_of(target: Target | Unplaced) -> Kind:
     """Which kind a target is of."""
     return target.kind if isinstance(target, Unplaced) else KINDS[len(target.spanning_mm) - 1]
+
+
+def of_phantom(phantom: Phantom, target: Target) -> Unplaced:
+    """A target of a phantom whose place is unknown: it is where that is."""
+    within = np.array(target.spanning_mm)
+    return Unplaced(kind_of(target), target.name, phantom.fixed_to, phantom=phantom, in_phantom_mm=within)

@@ -18,6 +18,8 @@ __all__ = ["features_told_apart", "in_listed_order", "refuse_free"]
 WITHIN_MM = 3.0
 # Another way is possible unless its residuals are larger than chance has them once in so many; rounding, mm.
 RIVAL_CHANCE, FLOOR_MM = 1e-3, 0.05
+# Numbers beyond six that hold a phantom of which some was not found: ways through the air may be of the rest.
+SPARE = 5
 
 
 def refuse_free(source: str, features: Sequence[Feature]) -> None:
@@ -86,8 +88,9 @@ def features_told_apart(
 
 def _enough(one: FeatureMatch, features: Sequence[Feature]) -> bool:
     """Whether half of what the stylus is said to have been dragged along is there: less may fit anything."""
-    dragged = [k for k, feature in enumerate(features) if feature.kind != "point"]
-    return 2 * len(set(one.of) & set(dragged)) >= len(dragged)
+    dragged = {k for k, feature in enumerate(features) if feature.kind != "point"}
+    there = set(one.of) & dragged
+    return there == dragged or (2 * len(there) >= len(dragged) and one.numbers >= 6 + SPARE)
 
 
 def _as_good(one: FeatureMatch, best: FeatureMatch) -> bool:

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from sonocal.calibration import Calibration, ErrorStatistics, point_line_rows
+from sonocal.calibration.found_phantom import phantom_in_words
 from sonocal.calibration.found_targets import target_in_words
 from sonocal.calibration.lagged import lag_in_words
 from sonocal.calibration.models import model_in_words, scale_in_words
@@ -41,6 +42,8 @@ def print_calibration(console: Console, calibration: Calibration) -> None:
         console.print(lag)
     for name, target in calibration.targets.items():
         console.print(f"{escape(target_in_words(name, target))}.")
+    if calibration.phantom is not None:
+        console.print(f"{escape(phantom_in_words(calibration.phantom))}.")
     console.print(standing(calibration))
     print_findings(console, calibration.diagnostics, "info")
 

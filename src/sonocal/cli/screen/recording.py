@@ -99,7 +99,9 @@ def print_unplaced(console: Console, title: str, targets: Sequence[Unplaced]) ->
     """Targets whose place is unknown, or known roughly."""
     table = NumberTable(title, "what", "frame", "place", first="name")
     for target in targets:
-        if target.spanning_mm is None:
+        if target.phantom is not None:
+            place = f"unknown, with {target.phantom.frame}"
+        elif target.spanning_mm is None:
             place = "unknown"
         else:
             place = f"{_place(target.spanning_mm.mean(axis=0))} +-{target.sigma_mm:g}"
