@@ -124,6 +124,8 @@ CODES = {
     "landmark-off": "a landmark lies off where all others put it",
     "landmark-scale": "a phantom is larger or smaller than it is said to be",
     "few-landmarks": "a phantom's place rests on few landmarks",
+    "stepper-tilted": "a stepper's axes are not parallel",
+    "little-travel": "a stepper moved a probe little",
     "rests-elsewhere": "the tip rested at no landmark",
     "stylus-tip-off": "a stylus' tip is not where it is said to be",
     # validation
@@ -171,6 +173,8 @@ REFUSALS = {
     "not-a-spin": "the tool turned about more than one axis",
     "points-too-close": "the needle's two points are one within their noise",
     "moving": "the stylus moved during the touch",
+    "stepper-still": "a stepper hardly moved the probe",
+    "not-a-line": "a stepper moved the probe along no line",
     "phantom-free": "what the stylus touched leaves a motion of the phantom free",
     "landmarks-ambiguous": "touches fit a phantom's landmarks in several ways",
 }

@@ -7,6 +7,7 @@ import numpy as np
 from benchmarks.phantom_places import table as phantom_table
 from benchmarks.phantom_places import wires_of
 from benchmarks.simulators.phantom_sweep import THREE, phantom_sweep
+from benchmarks.simulators.stepper import stepper
 
 import sonocal as sc
 from sonocal.detection import Detections
@@ -112,6 +113,9 @@ def write_tools(folder):
     write_poses(folder / "stylus.igs.mha", Stylus=pivoting(rng))
     write_poses(folder / "other.igs.mha", Needle=pivoting(rng, tip=TIP + 100 * AXIS))
     write_poses(folder / "spin.igs.mha", Needle=spinning(rng))
+    turned, moved, _ = stepper(1)
+    write_poses(folder / "turned.igs.mha", Probe=turned)
+    write_poses(folder / "moved.igs.mha", Probe=moved)
     stylus = pivoting(rng, n=140, noise_mm=0.05)
     touched = np.array([[5.0, -3.0, -20.0], [6.0, -2.0, -140.0]])
     stylus[:, :3, 3] += touched[(np.arange(140) >= 65).astype(int)] - [100, -50, -1000]

@@ -3,6 +3,7 @@
 from sonocal.calibration.calibrate import calibrate
 from sonocal.calibration.evidence import evidence_of
 from sonocal.calibration.fit import FittedRows, fit_rows
+from sonocal.calibration.found_phantom import FoundPhantom
 from sonocal.calibration.found_targets import FoundTarget
 from sonocal.calibration.labelled import LabelledDots, WireHits
 from sonocal.calibration.options import Options
@@ -16,6 +17,7 @@ __all__ = [
     "Calibration",
     "ErrorStatistics",
     "FittedRows",
+    "FoundPhantom",
     "FoundTarget",
     "LabelledDots",
     "Options",

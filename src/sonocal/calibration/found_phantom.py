@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sonocal.calibration.statistics import ErrorStatistics
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.geometry.shown import brief
@@ -19,6 +20,8 @@ __all__ = ["FoundPhantom", "found_phantom", "phantom_findings", "phantom_in_word
 DISAGREES = 1e-3
 # Of the variance that a phantom's shape leaves over that of wires placed by themselves, a number.
 MISSHAPEN, MATTERS_MM = 1e-3, 0.1
+# Share of rows that agree where none is wrong; and what wrong ones may leave.
+CLEAN, BY_OUTLIERS = 0.98, 10.0
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def found_phantom(
     )
 
 
-def phantom_findings(found: FoundPhantom | None, rms_mm: float) -> Iterator[Diagnostic]:
+def phantom_findings(found: FoundPhantom | None, fit: ErrorStatistics) -> Iterator[Diagnostic]:
     """A phantom that is not where its landmarks said, or has not the shape that its file says."""
     if found is None:
         return
@@ -121,7 +124,9 @@ def phantom_findings(found: FoundPhantom | None, rms_mm: float) -> Iterator[Diag
             ),
             advice="pivot the stylus and touch the landmarks again; or the phantom moved between that and the sweep",
         )
-    if found.shape_chance < MISSHAPEN and rms_mm * np.sqrt(found.shape_excess) > MATTERS_MM:
+    # Wrong dots that lie near their wires by chance leave as much where others were left out.
+    clean = fit.inliers >= CLEAN * fit.observations or found.shape_excess > BY_OUTLIERS
+    if found.shape_chance < MISSHAPEN and clean and fit.rms_mm > MATTERS_MM:
         yield Diagnostic(
             code="phantom-shape",
             severity="warning",

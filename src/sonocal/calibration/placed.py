@@ -79,7 +79,7 @@ def calibrate_with_places(observations: Observations, asked: Options) -> Calibra
     calibration = replace(_calibration(placed, answer, (asked, used), found, held), phantom=whole)
     looks = (
         partial(placed_findings, calibration, answer),
-        partial(phantom_findings, whole, calibration.fit.rms_mm),
+        partial(phantom_findings, whole, calibration.fit),
         partial(area_findings, calibration, placed.points_px[answer.inlier]),
         partial(held_out_findings, calibration, held),
         lambda: set_up_findings(calibration, placed, mapped_of(calibration.probe_from_image, placed)),

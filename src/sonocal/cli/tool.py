@@ -22,6 +22,7 @@ from sonocal.cli.options import (
 from sonocal.cli.outputs import OVERWRITE, reserve
 from sonocal.cli.reading import read_given
 from sonocal.cli.screen.plain import say, say_json
+from sonocal.cli.stepper import find_stepper
 from sonocal.cli.tips import expected_tip, place_of_tip
 from sonocal.cli.told import ACCEPT_UNITS, refuse_units
 from sonocal.cli.tool_session import OF_SESSIONS, read_session
@@ -78,6 +79,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
             *("angles", "markers", "on_invalid"),
         ),
         "A long recording": ("session", *OF_SESSIONS),
+        "A stepper": ("stepper",),
         "A phantom's place": ("landmarks", *OF_LANDMARKS),
         "What is known of the tool": ("length_mm", "stylus", "stylus_tip", "expected", "accept_units"),
         "What is written and shown": ("output", "name", "seed", "overwrite", "as_json"),
@@ -87,6 +89,7 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
         "sonocal tool pivot.igs.mha --spin spin.igs.mha --tool Needle -o found.toml",
         "sonocal tool touch.igs.mha --frames 0:60 --second-frames 70:139 --tool Needle --stylus Stylus "
         "--stylus-tip stylus.toml -o touched.toml",
+        "sonocal tool turned.igs.mha --stepper moved.igs.mha --tool Probe",
         "sonocal tool session.igs.mha --session --page session.html -o found.toml",
         "sonocal tool touches.igs.mha --landmarks phantom.xml --stylus Stylus -o registered.xml",
         "sonocal tool drags.igs.mha --landmarks block.toml --dragged all --stylus-tip 12,-4,-110 -o placed.toml",
@@ -127,6 +130,11 @@ class _Place(click.ParamType["tuple[float, ...] | Path"]):
     is_flag=True,
     help="RECORDING is long and of any tools: find pivots, spins, touches and stillness in it.",
 )
+@click.option(
+    "--stepper",
+    type=FILE,
+    help="Recording of a probe that a stepper moves along; RECORDING is of the probe that it turns, --tool its marker.",
+)
 @click.option("--page", type=WRITTEN, help="Page (.html) with the time line of --session.")
 @click.option(
     "--landmarks",
@@ -161,6 +169,7 @@ def tool(
     output: Path | None,
     landmarks: Path | None,
     session: bool,
+    stepper: Path | None,
     expected: tuple[float, ...] | Path | None,
     overwrite: bool,
     accept_units: bool,
@@ -175,6 +184,7 @@ def tool(
     RECORDING --spin SPIN              both: the needle, from its tip
     RECORDING --second OTHER           two pivots: the needle through both points
     RECORDING --second OTHER --stylus  two touches with a calibrated stylus
+    RECORDING --stepper OTHER          a stepper's axes: it turns a probe in the one, moves it along in the other
     RECORDING --session                a long recording of any tools: what each did, its tip and its needle
     RECORDING --landmarks PHANTOM      a phantom's place: its landmarks touched with a stylus, in any order
               --dragged NAME           and lines and planes of it that the stylus was dragged along
@@ -192,6 +202,11 @@ def tool(
         _refuse_half_a_stylus(options)
         options |= {"accept_units": accept_units}
         read_session(_touched(recording, options), output, options, as_json=as_json)
+        return
+    if stepper is not None:
+        along = read_given(stepper, {name: options[name] for name in ("angles", "markers")})
+        how = options | {"accept_units": accept_units}
+        find_stepper(_touched(recording, how), along, options["tool_name"], how, as_json=as_json)
         return
     if (page := options.pop("page")) is not None:
         raise click.UsageError(f"--page {page} is for --session, which is missing")

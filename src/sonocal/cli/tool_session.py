@@ -23,7 +23,7 @@ __all__ = ["OF_SESSIONS", "read_session"]
 OF_SESSIONS = ("page",)
 OF_ONE_TOOL = (
     *("tool_name", "spin", "second", "spin_frames", "second_frames", "length_mm", "expected", "landmarks"),
-    *("into", "in_order", "name"),
+    *("into", "in_order", "dragged", "stepper", "name"),
 )
 
 

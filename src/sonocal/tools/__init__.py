@@ -23,6 +23,7 @@ from sonocal.tools.pivot import PivotCalibration, calibrate_pivot
 from sonocal.tools.rests import Rest
 from sonocal.tools.session import ToolSession, find_tool_session
 from sonocal.tools.spin import SpinCalibration, calibrate_spin
+from sonocal.tools.stepper import StepperCalibration, calibrate_stepper
 from sonocal.tools.stretches import Stretch, find_stretches
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "PivotCalibration",
     "Rest",
     "SpinCalibration",
+    "StepperCalibration",
     "Stretch",
     "Stylus",
     "TargetError",
@@ -41,6 +43,7 @@ __all__ = [
     "ToolSession",
     "calibrate_pivot",
     "calibrate_spin",
+    "calibrate_stepper",
     "calibrate_tool",
     "digitise_point",
     "find_stretches",
