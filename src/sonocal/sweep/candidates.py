@@ -79,8 +79,8 @@ class Candidates:
 
     @property
     def may_be_of_any(self) -> bool:
-        """Whether a candidate's wire is asked for: points of images, several wires."""
-        return self.rows.dimension == 2 and not self.of_one
+        """Whether a candidate's wire is asked for, as there are several: in images and in volumes."""
+        return not self.of_one
 
     @property
     def least_share(self) -> float:

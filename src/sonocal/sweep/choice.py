@@ -32,7 +32,7 @@ from sonocal.observations import Observations
 from sonocal.registration import Association
 from sonocal.sweep.agreeing import ENOUGH, Agreeing
 from sonocal.sweep.candidates import Candidates, Mask
-from sonocal.sweep.labels import label_findings, labelled_dots, labels_of, widened_mm
+from sonocal.sweep.labels import ADVICE, label_findings, labelled_dots, labels_of, unsure_in_words, widened_mm
 from sonocal.sweep.options import of_calibrate, refuse_splits
 from sonocal.sweep.settled import settled_at, upper_of_two
 from sonocal.sweep.slice_noise import ASLANT, calibrated_across
@@ -152,7 +152,7 @@ def calibrate_chosen(
     chosen, twin = upper_of_two(table, *settled, across)
     used = table.agreeing(chosen)
     if used < _least_agreeing(table, total, labels):  # of a few, most agree by chance, until one looks closer
-        raise _nothing_found(table, total, used)
+        raise _nothing_found(table, total, used, labels)
     last = of_calibrate(options, threshold_mm=_last_threshold(table, chosen), latency=None)
     calibration, fitted = calibrated_across(table, chosen, settled[0], lambda rows: calibrate(rows, **last))
     reasons = {
@@ -241,8 +241,16 @@ def _report(table: Candidates, used: int, total: int, reasons: dict[str, int]) -
     )
 
 
-def _nothing_found(table: Candidates, total: int, best: int) -> NoConsensusError:
+def _nothing_found(
+    table: Candidates, total: int, best: int, labels: Association | None = None
+) -> NoConsensusError:
     table.refuse_mirrored(best, _least_agreeing(table, total))
+    if labels is not None:  # which are not sure: then so few would do
+        return NoConsensusError(
+            f"{table.rows.source}: {unsure_in_words(labels)}; {best} of {total} {table.counted} agree with the "
+            f"likeliest answer, too few to choose by: {ADVICE}",
+            best_count=best,
+        )
     images = len(np.unique(table.rows.frame))
     return NoConsensusError(
         f"{table.rows.source}: no calibration agrees with more than {best} of {total} {table.counted}; "

@@ -16,10 +16,10 @@ from sonocal.observations import Observations, group_codes
 from sonocal.registration import Association, associate
 from sonocal.sweep.candidates import TIGHTNESS, Candidates
 
-__all__ = ["label_findings", "labelled_dots", "labels_of", "widened_mm"]
+__all__ = ["ADVICE", "label_findings", "labelled_dots", "labels_of", "unsure_in_words", "widened_mm"]
 
 LEAST_FRAMES = 2
-"""With two points or more: hypotheses are made of pairs of one image."""
+"""With two points or more, as hypotheses are made of pairs of one image; of volumes with one line."""
 WIDEST = 2.0
 """Times the threshold that labels were found with: a fifth of the distance between wires."""
 ADVICE = (
@@ -31,7 +31,7 @@ def labels_of(table: Candidates) -> Association | None:
     """The labels of candidates each of which is tried against every wire; None where they are not.
 
     Args:
-        table: of one needle, of volumes, or of points whose wire is named, there is nothing to label.
+        table: of one needle, or of points whose wire is named, there is nothing to label.
 
     Raises:
         NoConsensusError: candidates and wires have nothing to do with each other.
@@ -51,27 +51,38 @@ def labels_of(table: Candidates) -> Association | None:
 
 
 def _parts(rows: Observations) -> tuple[Array, NDArray[np.int64], Array] | None:
-    """Points (N, 2), the frame of each, and wires (F, L, 2, 3).
+    """Points (N, 2), or lines (N, 2, 3) of volumes, the frame of each, and wires (F, L, 2, 3).
 
-    None where a point is not tried against every wire, or hardly an image shows two points.
+    None where a candidate is not tried against every wire, or hardly an image shows two points.
     """
     names, wire = np.unique(rows.target, return_inverse=True)
-    frame = group_codes(rows.frame)
-    place = group_codes(rows.frame, *rows.points_px.T)
+    frame, flat = group_codes(rows.frame), rows.dimension == 2
+    place = group_codes(rows.frame, *rows.points_px.T) if flat else group_codes(rows.frame, rows.split)
+    tried = np.unique(np.column_stack([place, wire]), axis=0, return_index=True)[1]
     first = np.unique(place, return_index=True)[1]
-    if len(rows) != len(first) * len(names):
-        return None
     wires = np.full((int(frame.max(initial=-1)) + 1, len(names), 2, 3), np.nan)
     wires[frame, wire] = rows.segments_mm
-    if np.isnan(wires).any() or np.count_nonzero(np.bincount(frame[first]) > 1) < LEAST_FRAMES:
+    if len(tried) != len(first) * len(names) or (flat and len(rows) != len(tried)) or np.isnan(wires).any():
         return None
-    return np.asarray(rows.points_px[first]), np.asarray(frame[first]), np.asarray(wires)
+    several = np.bincount(frame[first]) > (1 if flat else 0)
+    if np.count_nonzero(several) < LEAST_FRAMES:
+        return None
+    return (rows.points_px[first] if flat else _lines(rows, place)), frame[first], wires
+
+
+def _lines(rows: Observations, place: NDArray[np.int64]) -> Array:
+    """(N, 2, 3), px: the two of each candidate's points that are first and last along it."""
+    points = rows.points_px
+    lines = [points[place == one] for one in range(int(place.max()) + 1)]
+    along = [one[np.linalg.norm(one - one[0], axis=1).argmax()] - one[0] for one in lines]
+    ends = [(one @ way).argsort(kind="stable")[[0, -1]] for one, way in zip(lines, along, strict=True)]
+    return np.stack([one[two] for one, two in zip(lines, ends, strict=True)])
 
 
 def labelled_dots(
     table: Candidates, labels: Association | None, rows: Observations, calibration: Calibration
 ) -> LabelledDots | None:
-    """Every candidate, and which wire the calibration has it of; None where there was nothing to label.
+    """Every candidate, and which wire the calibration has it of; None where there was nothing to label, and of volumes.
 
     Args:
         table: all candidates, those of a second look, too.
@@ -79,7 +90,7 @@ def labelled_dots(
         rows: that the calibration was fitted to.
         calibration: of them.
     """
-    if labels is None:
+    if labels is None or table.rows.dimension == 3:
         return None
     every = table.rows
     names, wire = np.unique(every.target, return_inverse=True)
@@ -126,11 +137,15 @@ def label_findings(labels: Association | None, names: Sequence[str]) -> Iterator
     )
     if labels.verdict == "found":
         return
-    if labels.verdict == "ambiguous":
-        rivals = ", ".join(dict.fromkeys(one.name for one in labels.rivals))
-        message = f"which candidate is of which wire is ambiguous: {labels.reason} (rivals: {rivals})"
-    else:
-        message = f"the search for which candidate is of which wire was ended early: {labels.reason}"
+    message = unsure_in_words(labels)
     yield Diagnostic(
         code=f"labels-{labels.verdict}", severity="warning", message=message[:400], advice=ADVICE
     )
+
+
+def unsure_in_words(labels: Association) -> str:
+    """Why labels are not sure, where they are not."""
+    if labels.verdict == "ambiguous":
+        rivals = ", ".join(dict.fromkeys(one.name for one in labels.rivals))
+        return f"which candidate is of which wire is ambiguous: {labels.reason} (rivals: {rivals})"
+    return f"the search for which candidate is of which wire was ended early: {labels.reason}"

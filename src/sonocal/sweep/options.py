@@ -112,7 +112,7 @@ class Options(PointsOptions):
     Attributes:
         threshold_mm: candidates further than this from their needle are wrong, rows further from their line outliers;
             "auto": rows further than 3.3 standard deviations of the chosen rows' noise.
-        count: candidates an image; default: 5, as many as wires and 3 more where there are several, and 3 in a volume.
+        count: candidates an image; default: 5, and 3 in a volume; as many as wires and 3 more where there are several.
         mask: (rows, columns): where to look; default: found from the recording.
         centre: "head" (the default; "mass" of several wires), see `DetectionOptions`.
         second_look: look again near where the calibrated needle must be.
@@ -134,13 +134,13 @@ class Options(PointsOptions):
     def for_lines(cls, recording: Recording, lines: Sequence[Line], **keywords: Any) -> Self:
         """As `for_recording`; without a threshold, that which tells the lines apart.
 
-        Images of several wires show them all: as many candidates, and some to spare, in the middle of what is
-        bright, as wires have no tail to leave out.
+        Images and volumes of several wires show them all: as many candidates, and some to spare; in images in the
+        middle of what is bright, as wires have no tail to leave out.
         """
-        if len(lines) > 1 and recording.image is not None and recording.image.dimension == 2:
+        if len(lines) > 1 and recording.image is not None:
             if keywords.get("count") is None:
                 keywords["count"] = len(lines) + SPARE
-            if keywords.get("centre") is None:
+            if recording.image.dimension == 2 and keywords.get("centre") is None:
                 keywords["centre"] = "mass"
         if keywords.get("threshold_mm") is None:
             keywords["threshold_mm"] = telling_threshold_mm(lines)

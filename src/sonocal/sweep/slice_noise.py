@@ -46,7 +46,8 @@ def calibrated_across(
         The calibration, and the rows that it was fitted to.
     """
     every = calibrate(table.at(chosen))
-    rest = chosen & ~_along_image(table.rows, transform) if table.may_be_of_any else chosen
+    of_wires = table.may_be_of_any and table.rows.dimension == 2
+    rest = chosen & ~_along_image(table.rows, transform) if of_wires else chosen
     if np.array_equal(rest, chosen) or not _enough(table, rest, chosen):
         return every, chosen
     try:
