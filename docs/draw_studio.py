@@ -1,6 +1,6 @@
-"""The studio's page in each of its states, at three widths, light and dark; one of them stands in docs/studio.md.
+"""The studio's page in each of its states, at three widths, light and dark; some stand in docs/studio.md.
 
-python -m docs.draw_studio [FOLDER]    all states into a folder, to be looked at; without one, the page's picture alone
+python -m docs.draw_studio [FOLDER]    all states into a folder, to be looked at; without one, those of the page alone
 """
 
 from __future__ import annotations
@@ -101,10 +101,8 @@ def answered(tab: Any, server: subprocess.Popen[str]) -> None:
 
 
 def scanned(tab: Any, server: subprocess.Popen[str]) -> None:
-    """Long enough for the curve to fall."""
-    tab.wait_for_function(
-        "parseInt(document.getElementById('counts').textContent.split(', ')[1]) >= 150", timeout=300_000
-    )
+    """Long enough for the curve to fall, and for the volume to begin."""
+    tab.wait_for_selector("#far.use", timeout=300_000)
     tab.wait_for_selector("#slices canvas", timeout=120_000)
 
 

@@ -48,6 +48,7 @@ HANDED_ON = {
     "PointsKeywords",
     "Progress",
     "Said",
+    "Shown",
     "SpannedRows",
     "Speckle",
     "Table",

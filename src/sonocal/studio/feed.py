@@ -201,7 +201,7 @@ def _told(state: State, found: Calibration | None) -> dict[str, Any]:
     return {name: getattr(state, name) for name in counts} | {
         "at_s": round(state.elapsed_s, 1),
         "seen": state.with_candidates,
-        "expected_mm": None if state.expected_mm is None else float(f"{state.expected_mm:.4g}"),
+        "expected_mm": state.expected_mm,
         "refusal": state.refusal,
         "tools": [[one.name, one.seen, round(one.share, 3)] for one in state.tools],
         "lag_ms": None if lag is None else [round(1e3 * lag.latency_s, 1), round(1e3 * lag.within_s, 1)],

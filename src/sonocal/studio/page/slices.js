@@ -4,6 +4,8 @@ import { el } from "./words.js";
 
 const box = /** @type {HTMLElement} */ (document.getElementById("slices")), note = /** @type {HTMLElement} */ (document.getElementById("slices-note"));
 const EACH_MS = 250;
+/** Water is dark, and a needle in it small: square roots of grey. */
+const BRIGHTER = Uint32Array.from({ length: 256 }, (_, grey) => 0xff000000 | (Math.round(Math.sqrt(255 * grey)) * 0x010101));
 let runs = false, last = -1;
 
 /** Asks a few times a second while the scan goes on. */
@@ -29,7 +31,7 @@ async function draw(answer) {
   told.pictures.forEach((/** @type {any} */ one, /** @type {number} */ i) => {
     const figure = box.children[i] || box.appendChild(el("figure", "", [el("canvas"), el("figcaption")]));
     const canvas = /** @type {HTMLCanvasElement} */ (figure.firstChild), caption = /** @type {HTMLElement} */ (figure.lastChild), pixels = new Uint32Array(one.width * one.height);
-    for (let k = 0; k < pixels.length; k++) pixels[k] = 0xff000000 | (grey[from + k] * 0x010101);
+    for (let k = 0; k < pixels.length; k++) pixels[k] = BRIGHTER[grey[from + k]];
     from += pixels.length;
     canvas.width = one.width; canvas.height = one.height; canvas.setAttribute("role", "img"); canvas.setAttribute("aria-label", `Cut at ${one.along} = ${one.at_mm} mm`);
     canvas.getContext("2d")?.putImageData(new ImageData(new Uint8ClampedArray(pixels.buffer), one.width, one.height), 0, 0);
