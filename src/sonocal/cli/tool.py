@@ -37,7 +37,7 @@ __all__ = ["OF_OTHER_TOOLS", "found_tool", "tool"]
 
 OF_OTHER_TOOLS = (
     *("recording", "output", "landmarks", "session", "expected", "overwrite", "accept_units", "as_json"),
-    *("page", *OF_LANDMARKS),
+    *("page", "stepper", *OF_LANDMARKS),
 )
 """Parameters that say nothing of what one tool's recordings are."""
 
