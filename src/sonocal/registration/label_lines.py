@@ -34,6 +34,8 @@ class LineTable(LabelTable):
     """
 
     sample: ClassVar[int] = 2
+    # Of six wires that are elsewhere four may be met.
+    most_hardly_seen: ClassVar[float] = 1 / 4
 
     @classmethod
     def of(cls, points: ArrayLike, wires: ArrayLike, frame: ArrayLike | None) -> LineTable:

@@ -24,6 +24,8 @@ LEAST_ANGLE_DEG = 3.0
 # Of those scored at a time, so many are settled; rough ones are scored within so many thresholds.
 SETTLED, ROUGH = 6, 3.0
 MOST_CANDIDATES = 12
+# In thresholds, and how many wires a line may be so near to by chance: else a score says nothing.
+SHRUNK, BY_CHANCE = 2.0, 0.2
 # Answers are one that label so large a part of the lines alike that both label.
 SAME_LABELS = 0.95
 # An answer that comes so near to the best one asks for that to be found so many times as often.
@@ -79,7 +81,7 @@ def search_lines(
         return np.empty((0, 4, 4)), np.empty(0, dtype=np.int64), 0, False
     used = np.flatnonzero(np.diff(table.first) > 0)
     checked = random.permutation(used)[:CHECKED_FRAMES]
-    part, wires_mm2 = _of_frames(table, checked), table.wires.shape[1] * np.pi * within_mm**2
+    part = _of_frames(table, checked)
     while tried < limits.hypotheses and time.monotonic() - begin < limits.seconds:
         pairs = _drawn(table, random)
         tried += len(pairs[0])
@@ -89,7 +91,7 @@ def search_lines(
         matrices = _solved(table, *pairs)
         scales = np.linalg.norm(matrices[:, :3, 0], axis=1)
         # A volume that is shrunk onto where wires come together is near to them whatever it shows.
-        matrices = matrices[[wires_mm2 < table.box_mm2(float(one)) for one in scales]]
+        matrices = matrices[[table.chance(float(one), SHRUNK * within_mm) < BY_CHANCE for one in scales]]
         scores = _scores(part, matrices, ROUGH * within_mm)
         for i in np.argsort(-scores, kind="stable")[:SETTLED]:
             if scores[i] > 0:

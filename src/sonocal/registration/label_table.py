@@ -67,6 +67,8 @@ class LabelTable:
 
     sample: ClassVar[int] = 4
     """How many dots on wires give a similarity."""
+    most_hardly_seen: ClassVar[float] = 1 / 3
+    """Part of the wires: one or two of a phantom may be broken, or hidden."""
 
     points: Array
     first: NDArray[np.int32]

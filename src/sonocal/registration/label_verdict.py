@@ -15,8 +15,6 @@ __all__ = ["judged", "nothing_fits"]
 
 # Log of expected answers by chance.
 SURE = -7.0
-# Part of the lines: one or two of a phantom may be broken, or hidden.
-MOST_HARDLY_SEEN = 1 / 3
 # In thresholds: frames whose wires are nearer to one another say nothing of the poses.
 STILL = 3.0
 
@@ -44,7 +42,7 @@ def judged(
     elif symmetric is None and _moves(table, within_mm) and not poses.tells:
         verdict = "nothing fits"
         reason = f"lines of other frames fit nearly as well (the score is {poses.ratio:.2f} of theirs): no pose tells"
-    elif len(missing := hardly_seen(table, best)) > MOST_HARDLY_SEEN * table.wires.shape[1]:
+    elif len(missing := hardly_seen(table, best)) > table.most_hardly_seen * table.wires.shape[1]:
         verdict = "nothing fits"
         reason = f"{len(missing)} of {table.wires.shape[1]} lines are hardly met: they are elsewhere, or not in view"
     elif symmetric is None and not finished:
