@@ -157,7 +157,7 @@ class Played:
     def __iter__(self):
         for item, image in enumerate(self._recording.frames):
             with self._turn:
-                if not self._turn.wait_for(lambda item=item: self._read > 2 * item, 60.0):
+                if not self._turn.wait_for(lambda item=item: self._read > 2 * item, 3.0):
                     return
                 time.sleep(self._each_s)
                 now_s = time.time()
@@ -165,5 +165,5 @@ class Played:
                 self._turn.notify_all()
             yield now_s, np.asarray(image)
         with self._turn:
-            self._turn.wait_for(lambda: self._read == 2 * len(self._recording), 60.0)
+            self._turn.wait_for(lambda: self._read == 2 * len(self._recording), 3.0)
         time.sleep(0.5)

@@ -234,7 +234,7 @@ def test_the_file_has_the_documented_fields(rows, model):
         "format", "version", "created", "conventions", "probe_from_image", "model", "scale_mm_per_px", "rotation_wxyz",
         "translation_mm", "covariance", "sigma", "area_px", "image_size_px",
         "seen_px", "fit", "test", "residuals_mm", "inlier", "latency_s",
-        "latency_interval_s", "sound", "targets", "certificate", "models", "diagnostics", "provenance",
+        "latency_interval_s", "sound", "targets", "phantom", "certificate", "models", "diagnostics", "provenance",
     ]  # fmt: skip
     assert fields["format"] == "sonocal-calibration"
     assert len(fields["scale_mm_per_px"]) == (1 if model == "similarity" else 2)

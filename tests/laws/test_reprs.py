@@ -5,6 +5,7 @@ import importlib
 import inspect
 import pkgutil
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from sonocal.registration import Registration, point_line, register
 from sonocal.simulation.scene import simulate_observations
 from sonocal.simulation.sweep import NEEDLE
 from sonocal.studies import Store, load_study
+from sonocal.studio.needle import Asked
 from tests.builders.recordings import random_recording
 from tests.builders.tracker_devices import FakeNdi
 
@@ -89,6 +91,7 @@ def shown(tmp_path_factory):
     return {
         "table": rows,
         "feed": feed,
+        "what a needle is found from": Asked(Path(LONG)),
         "live volume": LiveVolume(np.eye(4), name=LONG),
         "table of a volume": ROWS[3],
         "table of a long name": rows.with_sound(source=LONG),

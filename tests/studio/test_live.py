@@ -27,7 +27,7 @@ def scanned():
 
 
 @contextmanager
-def following(folder, lines, recording, *more, rate_hz=80.0):
+def following(folder, lines, recording, *more, rate_hz=15.0):
     """A studio that follows a recording which is played over and over."""
     with (
         served(recording, rate_hz=rate_hz) as port,
@@ -252,7 +252,7 @@ def test_the_page_follows_a_scan_is_read_from_afar_and_ended_by_keyboard(chromiu
 
 
 def test_the_page_says_that_the_scanner_is_gone(chromium, sweep, scanned, tmp_path):
-    with served(scanned, rate_hz=80.0) as port:
+    with served(scanned, rate_hz=15.0) as port:
         began = running(tmp_path / "studio", "--live", f"localhost:{port}", "--lines", sweep[1])
         one = began.__enter__()
         page = Page(chromium.new_page())

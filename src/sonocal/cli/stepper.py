@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sonocal.cli.options import console, typed
-from sonocal.cli.screen.parts import print_findings
 from sonocal.cli.screen.plain import say_json
 from sonocal.cli.told import refuse_units, unit_doubts
 
@@ -34,6 +33,7 @@ def find_stepper(
         options: of the command.
         as_json: print for programs.
     """
+    from sonocal.cli.screen.parts import print_findings
     from sonocal.tools import calibrate_stepper
 
     if names := typed(NOT_OF_STEPPERS):

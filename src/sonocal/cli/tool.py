@@ -216,7 +216,6 @@ def tool(
         return
     _refuse_landmarks(options)
     _refuse_half_a_stylus(options)
-    reserve(*([] if output is None else [output]))
     found = found_tool(recording, options, accept_units=accept_units)
     compared = None if expected is None else expected_tip(found, expected)
     if output is not None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sonocal.geometry.shown import brief
 from sonocal.studio.answer import numbers
 from sonocal.studio.told import findings_told
 from sonocal.tools import PivotCalibration, SpinCalibration, ToolCalibration, tool_toml
@@ -36,6 +37,8 @@ class Asked:
     spin: Path | None = None
     tool: str = "Needle"
     length_mm: float | None = None
+
+    __repr__ = brief
 
 
 ToolOf = Callable[[Asked], ToolCalibration]
