@@ -216,7 +216,7 @@ def tool(
         return
     _refuse_landmarks(options)
     _refuse_half_a_stylus(options)
-    found = found_tool(recording, options, accept_units=accept_units)
+    found = found_tool(recording, options, output, accept_units=accept_units)
     compared = None if expected is None else expected_tip(found, expected)
     if output is not None:
         reserve(output)
@@ -231,17 +231,21 @@ def tool(
         say(f"Wrote {output}")
 
 
-def found_tool(recording: Path | None, options: dict[str, Any], *, accept_units: bool) -> ToolCalibration:
+def found_tool(
+    recording: Path | None, options: dict[str, Any], output: Path | None = None, *, accept_units: bool
+) -> ToolCalibration:
     """What recordings, or ranges of frames of one, say of one tool.
 
     Args:
         recording: of a pivot, or a touch.
         options: of the command that are of one tool.
+        output: is reserved once the recordings are read; None: nothing is written.
         accept_units: that implausible units are meant.
     """
     from sonocal.tools import calibrate_tool
 
     options |= _parts(recording, options)
+    reserve(*([] if output is None else [output]))
     options["stylus"] = _stylus(options["stylus"], options.pop("stylus_tip"))
     found = calibrate_tool(options.pop("tool_name"), **options)
     source = next(part.name for name in ("first", "spin") if (part := options.get(name)) is not None)
