@@ -11,7 +11,7 @@ import numpy as np
 
 from sonocal.errors import DegenerateGeometryError, NoConsensusError
 from sonocal.geometry import Array, Similarity
-from sonocal.registration.rigid_group import GroupFit, GroupRows, fit_group, normals_of
+from sonocal.registration.rigid_group import GroupFit, GroupRows, fit_group, normals_of_span
 from sonocal.registration.uncertainty import point_covariance, radius_95
 from sonocal.registration.unplaced import Place, Placed
 from sonocal.registration.unplaced_motion import MOST_ERROR_MM, TOO_LITTLE, refuse
@@ -86,8 +86,8 @@ def refuse_free_phantom(source: str, spanning_mm: Sequence[Array]) -> None:
     Raises:
         DegenerateGeometryError: along what.
     """
-    normals = np.concatenate([np.tile(normals_of(one), (len(one), 1)) for one in spanning_mm])
-    places = np.concatenate([np.repeat(one, len(normals_of(one)), axis=0) for one in spanning_mm])
+    normals = np.concatenate([np.tile(normals_of_span(one), (len(one), 1)) for one in spanning_mm])
+    places = np.concatenate([np.repeat(one, len(normals_of_span(one)), axis=0) for one in spanning_mm])
     arms = places - places.mean(axis=0)
     arms = arms / max(float(np.linalg.norm(arms, axis=1).max()), 1e-9)
     _, sizes, vt = np.linalg.svd(np.hstack([np.cross(arms, normals), normals]), full_matrices=True)
@@ -137,7 +137,7 @@ def _misfit(rows: GroupRows, places: Sequence[Place], place: Array) -> float:
     """How far targets that were found are from where a phantom has them, mm^2, at the middle of each and beside it."""
     off = 0.0
     for spanning, found in zip(rows.spanning_mm, places, strict=True):
-        held = normals_of(spanning) @ place[:3, :3].T
+        held = normals_of_span(spanning) @ place[:3, :3].T
         there = spanning[0] @ place[:3, :3].T + place[:3, 3]
         off += float(np.sum((held @ (found.middle_mm - there)) ** 2))
         if found.direction is not None:
@@ -165,7 +165,7 @@ def _vectors(
 
 
 def _shift(rows: GroupRows, places: Sequence[Place], turn: Array) -> Array:
-    held = [normals_of(one) for one in rows.spanning_mm]
+    held = [normals_of_span(one) for one in rows.spanning_mm]
     left = np.concatenate([n @ turn.T for n in held])
     right = np.concatenate(
         [
@@ -179,7 +179,7 @@ def _shift(rows: GroupRows, places: Sequence[Place], turn: Array) -> Array:
 def _place(rows: GroupRows, fit: GroupFit, k: int) -> Place:
     """Where a target is, next to what was seen of it, by where the phantom is."""
     spanning = rows.spanning_mm[k] @ fit.body_from_phantom[:3, :3].T + fit.body_from_phantom[:3, 3]
-    normals = normals_of(spanning)
+    normals = normals_of_span(spanning)
     mine = (rows.target == k) & fit.inlier
     marker = fit.transform @ rows.points[mine]
     seen = np.einsum("nji,nj->ni", rows.poses[mine, :3, :3], marker - rows.poses[mine, :3, 3])

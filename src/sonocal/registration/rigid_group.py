@@ -96,7 +96,7 @@ def fit_group(
         threshold_mm: rows within this distance agree.
         inlier: (N,): those that agree to begin with.
     """
-    normals = [normals_of(one) for one in rows.spanning_mm]
+    normals = [normals_of_span(one) for one in rows.spanning_mm]
     state, given = start, levels
     for _ in range(ROUNDS):
         state = _settled(rows, state, levels, inlier, normals)
@@ -148,7 +148,7 @@ def _likeliest(
     return (max(root, 1e-6), max(best * root, 1e-6))
 
 
-def normals_of(spanning: Array) -> Array:
+def normals_of_span(spanning: Array) -> Array:
     """(M, 3): directions at right angles to what points (K, 3) span."""
     if len(spanning) == 1:
         return np.eye(3)

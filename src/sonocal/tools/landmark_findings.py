@@ -56,6 +56,17 @@ def landmark_findings(
     yield from _scale(found)
 
 
+def _missing(names: Sequence[str], of_all: str, remedy: str) -> Iterator[Diagnostic]:
+    """What is said of those that nobody went to, if there are any."""
+    if names:
+        yield Diagnostic(
+            code="landmarks-missing",
+            severity="info",
+            message=f"{len(names)} of {of_all}: {', '.join(names)}",
+            advice=f"nothing, where the wires' errors are small enough; else {remedy}, too",
+        )
+
+
 def _left_out(found: PhantomRegistration) -> Iterator[Diagnostic]:
     for one in found.landmarks:
         if one.distance_mm is not None and not one.used:
@@ -66,13 +77,7 @@ def _left_out(found: PhantomRegistration) -> Iterator[Diagnostic]:
                 "touch it again, or measure where it is on the phantom",
             )
     missing = [one.name for one in found.landmarks if one.touched_mm is None]
-    if missing:
-        yield Diagnostic(
-            code="landmarks-missing",
-            severity="info",
-            message=f"{len(missing)} of {len(found.landmarks)} landmarks were not touched: {', '.join(missing)}",
-            advice="nothing, where the wires' errors are small enough; else touch them, too",
-        )
+    yield from _missing(missing, f"{len(found.landmarks)} landmarks were not touched", "touch them")
     for along in found.features:
         if along.distance_mm is not None and not along.used:
             yield _warning(
@@ -82,14 +87,8 @@ def _left_out(found: PhantomRegistration) -> Iterator[Diagnostic]:
                 "drag along it again, or measure where it is on the phantom",
             )
     undragged = [one.name for one in found.features if one.distance_mm is None]
-    if undragged:
-        yield Diagnostic(
-            code="landmarks-missing",
-            severity="info",
-            message=f"{len(undragged)} of {len(found.features)} lines and planes were not dragged along: "
-            f"{', '.join(undragged)}",
-            advice="nothing, where the wires' errors are small enough; else drag along them, too",
-        )
+    of_all = f"{len(found.features)} lines and planes were not dragged along"
+    yield from _missing(undragged, of_all, "drag along them")
     frames = {span for one in found.landmarks for span in one.frames}
     others = [rest for rest in found.rests if (rest.first, rest.last) not in frames]
     if others:
