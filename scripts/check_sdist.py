@@ -1,4 +1,4 @@
-"""Builds the sdist and says what it lacks of the tree, or holds beside it.
+"""Builds the sdist and says what it lacks of the tree, holds beside it, or holds otherwise.
 
     python scripts/check_sdist.py FOLDER
 
@@ -18,10 +18,14 @@ NOT_FOR_USERS = (".ci/", ".github/")
 MADE = {"PKG-INFO"}
 
 
-def held(archive: Path) -> set[str]:
-    """Names of the files of an sdist, below its one folder."""
+def held(archive: Path) -> dict[str, bytes]:
+    """The files of an sdist, by their names below its one folder."""
     with tarfile.open(archive) as file:
-        return {member.name.partition("/")[2] for member in file if member.isfile()}
+        return {
+            member.name.partition("/")[2]: content.read()
+            for member in file
+            if (content := file.extractfile(member)) is not None
+        }
 
 
 def wanted() -> set[str]:
@@ -39,9 +43,12 @@ def wanted() -> set[str]:
 def main(folder: str) -> int:
     """Build it, and count what is wrong."""
     archive = Path(folder, build_sdist(folder))
-    there, tree = held(archive) - MADE, wanted()
-    wrong = [f"lacks {name}" for name in sorted(tree - there)] + [
-        f"holds {name}" for name in sorted(there - tree)
+    contents, tree = held(archive), wanted()
+    there = contents.keys() - MADE
+    wrong = [f"lacks {name}" for name in sorted(tree - there)]
+    wrong += [f"holds {name}" for name in sorted(there - tree)]
+    wrong += [
+        f"holds another {name}" for name in sorted(there & tree) if contents[name] != Path(name).read_bytes()
     ]
     for sentence in wrong:
         print(f"{archive.name}: {sentence}", file=sys.stderr)

@@ -54,7 +54,7 @@ NOT_RUN = {
     "pip install '.[report]'": "compiles for minutes: scripts/environment.sh does, before any test",
     ".venv/bin/python -m pip install --no-build-isolation --editable .": "the same",
     "python -m benchmarks.sound --seeds 200": "takes ten minutes",
-    "scripts/sdist": ".ci/run does",
+    "scripts/sdist --anew": "minutes: .ci/run does so of the tree",
     "scripts/wheels": "compiles for ten minutes",
     "scripts/wheels --check": "emulates another machine for minutes",
     "python -m sphinx -W -b html docs docs/_build": "scripts/check does",
