@@ -218,7 +218,7 @@ def test_no_solution_is_missed_that_newton_finds_from_anywhere(case):
     assert missing == 0
 
 
-def newton(points, planes, scale, starts=400, steps=25):
+def newton(points, planes, scale, starts=200, steps=25):
     """Similarities (K, 4, 4) that solve all rows: Newton on turn, shift and growth from rotations everywhere."""
     random = np.random.default_rng(0)
     centre, size = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()

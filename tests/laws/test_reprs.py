@@ -191,7 +191,7 @@ def fields_of(kind):
 
 
 @pytest.mark.parametrize("kind", BY_FIELDS, ids=lambda kind: f"{kind.__module__}.{kind.__name__}")
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(st.data())
 def test_a_repr_of_fields_is_one_short_line_whatever_they_hold(kind, data):
     values = {name: data.draw(VALUES) for name in fields_of(kind)}

@@ -26,7 +26,7 @@ MOST_PLACES = 30
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(data=st.data(), change=damage())
 def test_damaged_files_end_in_a_sentence(tmp_path_factory, name, data, change):
     content = data.draw(st.sampled_from(sound_files(name)))
@@ -59,7 +59,7 @@ def test_any_bytes_end_in_a_sentence(tmp_path_factory, content, name, start):
 
 
 @pytest.mark.parametrize("number", [b"1e300", b"-1e300", b"1e-300", b"1e155", b"1e306"])
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", [name for name in READERS if name != "any"])
 def test_numbers_of_any_size_end_in_a_sentence(tmp_path, name, number):
     path = tmp_path / f"input{READERS[name].suffix}"
     for content in sound_files(name):
