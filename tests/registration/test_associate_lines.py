@@ -1,5 +1,7 @@
 """Lines of volumes on wires that nobody names, and needles that move one without the other."""
 
+import re
+
 import numpy as np
 import pytest
 from benchmarks.simulators import phantoms
@@ -125,3 +127,34 @@ def test_one_wire_needs_no_labels_and_few_lines_are_no_answer():
         reg.associate(lines, lines[:1])
     for few in (lines[:0], lines[:1], lines[:2]):
         assert reg.associate(few, lines[:3], max_hypotheses=3000).verdict != "found"
+
+
+def crossed_wires():
+    """Three wires above and across three others: all alike when they are turned by half a turn."""
+    upper = [[[x, 0.0, -20.0], [x, 0.0, 20.0]] for x in (-10.0, 0.0, 10.0)]
+    lower = [[[-20.0, 9.0, z], [20.0, 9.0, z]] for z in (-12.0, 0.0, 12.0)]
+    return np.array(upper + lower)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("frames", [1, 20])
+def test_wires_that_are_alike_when_turned_are_ambiguous_and_named_where_volumes_stand_still(seed, frames):
+    rng = np.random.default_rng(seed)
+    dots = phantoms.scan_volumes(rng, crossed_wires(), frames, turn_rad=0.0005, shift_mm=(0.1, 0.1, 0.1))
+    found = found_in(dots, max_hypotheses=50_000)
+    assert found.verdict == "ambiguous"
+    assert found.reason.startswith("a turn by 180 degrees fits as well")
+    moved = phantoms.scan_volumes(rng, crossed_wires(), 20)
+    right(found_in(moved), moved)
+
+
+def test_lines_that_are_parallel_in_every_volume_are_said_to_be():
+    rng = np.random.default_rng(6)
+    dots = phantoms.scan_volumes(rng, phantoms.symmetric(rng), 20, turn_rad=0.002, shift_mm=(0.3, 0.3, 20.0))
+    found = found_in(dots, max_hypotheses=5_000)
+    assert found.verdict == "nothing fits"
+    assert re.search(
+        r"all lines are parallel to within \d\.\d degrees, in every volume.*turn the probe by", found.reason
+    )
+    turned = phantoms.scan_volumes(rng, phantoms.symmetric(rng), 20)
+    right(found_in(turned), turned)

@@ -81,7 +81,7 @@ def associate(
     named = [(LABELLING, one) for one in table.settled(matrices, within_mm)]
     answers = weighed(table, named, FrameErrors.expected(within_mm), within_mm)
     if not answers:
-        return nothing_fits(table, within_mm, tried, "no similarity brings more than a few dots onto lines")
+        return nothing_fits(table, within_mm, tried, table.why_none())
     for name, start in rival_starts(table, answers[0].settled):
         named += [(name, one) for one in table.settled(start[None], within_mm)]
     for _ in range(2):  # of the best, which they may change

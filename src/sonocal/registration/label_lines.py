@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal.errors import InputError
-from sonocal.geometry import Array
+from sonocal.geometry import Array, segment_directions
 from sonocal.registration.label_input import numbers, sorted_by_frame
 from sonocal.registration.label_table import LabelTable, Settled, Shifted, distances_from
 
@@ -21,6 +21,8 @@ ROUNDS = (3.0, 2.0, 1.5, 1.0, 1.0, 1.0)
 MOST_NATS = 4.5
 # A fit has seven unknowns, and a line on a wire tells four.
 FEWEST = 2
+# Wires nearer to parallel than that, in all volumes, hardly tell where along them a volume lies.
+NEARLY_PARALLEL_DEG = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,15 @@ class LineTable(LabelTable):
         if (lines[:, 0] == lines[:, 1]).all(axis=-1).any():
             raise InputError("points holds a line whose two points are one; give two places on each")
         return cls(*sorted_by_frame(lines, wires, frame))
+
+    def why_none(self) -> str:
+        """Why no answer was found, as far as can be told."""
+        if len(self.points) < FEWEST or (widest_deg := self._widest_deg()) > NEARLY_PARALLEL_DEG:
+            return super().why_none()
+        return (
+            f"all lines are parallel to within {widest_deg:.1f} degrees, in every volume: none shows where along them "
+            "the probe is; turn the probe by 20 degrees and more from volume to volume, or add a line across the others"
+        )
 
     def settled(self, starts: Array, threshold_mm: float) -> list[Settled]:
         """From rough similarities (K, 4, 4) to labels and least squares, in turn, on all frames."""
@@ -91,6 +102,13 @@ class LineTable(LabelTable):
         keep = order[np.unique(place, return_index=True)[1]]
         labels[keep] = wire[keep]
         return labels
+
+    def _widest_deg(self) -> float:
+        """The widest angle of a wire with the one that is farthest from the common direction of all, in any frame."""
+        along = segment_directions(self.wires[np.diff(self.first) > 0]).reshape(-1, 3)
+        common = np.linalg.eigh(along.T @ along)[1][:, 2]
+        farthest = along[np.argmin(np.abs(along @ common))]
+        return float(np.degrees(np.arccos(np.clip(np.abs(along @ farthest).min(), 0, 1))))
 
     def _settled(self, start: Array, threshold_mm: float) -> Settled | None:
         matrix = start

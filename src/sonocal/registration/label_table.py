@@ -84,6 +84,10 @@ class LabelTable:
         """
         return cls(*sorted_by_frame(numbers("points", points, (2,), "(N, 2) px"), wires, frame))
 
+    def why_none(self) -> str:
+        """Why no answer was found, as far as can be told."""
+        return "no similarity brings more than a few dots onto lines"
+
     @property
     def frame(self) -> NDArray[np.int64]:
         """(N,): of each dot."""
