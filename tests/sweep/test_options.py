@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import sonocal as sc
 from sonocal import InputError, Line
-from sonocal.detection import Detections
 from sonocal.sweep import Options, PointsOptions, calibrate_points, calibrate_recording
 from sonocal.sweep.options import telling_threshold_mm
 from tests.builders.sweeps import NEEDLE, scan_of
@@ -143,14 +142,6 @@ def test_a_threshold_that_was_given_is_kept():
     assert Options.for_lines(scan.recording, near, threshold_mm=None).threshold_mm == 2.0
     assert Options.for_lines(scan.recording, near, threshold_mm=4.0).threshold_mm == 4.0
     assert Options.for_lines(scan.recording, near, threshold_mm="auto").threshold_mm == "auto"
-
-
-def test_a_point_that_may_be_of_several_lines_is_refused():
-    scan = scan_of()
-    found = Detections.of_points([0, 1], [[1, 2], [3, 4]], ["a", ""], source="points.csv")
-    with pytest.raises(InputError) as caught:
-        calibrate_points(scan.recording, [wire(0.0, "a", "Needle"), wire(9.0, "b", "Needle")], found)
-    assert str(caught.value) == "points.csv: target '' is none of the lines a, b; name one"
 
 
 @pytest.mark.parametrize("name", ["needle.toml", Path("needle.toml")])

@@ -24,7 +24,7 @@ from sonocal.calibration import Calibration, calibrate, placed_by, seen_at_assum
 from sonocal.calibration.lagged import lag_of_rows, with_lag
 from sonocal.detection import Detections
 from sonocal.detection.recordings import Detector, detector_of
-from sonocal.errors import InputError, NoConsensusError, require
+from sonocal.errors import NoConsensusError, require
 from sonocal.geometry import Array, AxisScaled
 from sonocal.geometry.shown import brief
 from sonocal.observations import Observations
@@ -55,6 +55,7 @@ from sonocal.sweep.second_look import SecondLook
 from sonocal.sweep.slice_noise import with_slice_noise
 from sonocal.sweep.suspects import Suspects
 from sonocal.sweep.tabulate import tabulate, tabulated
+from sonocal.sweep.unnamed import named_points
 from sonocal.targets import Line, Plane, Point, Target, Unplaced, require_lines
 
 __all__ = ["Sweep", "calibrate_points", "no_candidates"]
@@ -201,15 +202,16 @@ def calibrate_points(
         recording: poses, with any latency undone, and images that need not be decoded.
         lines: the needles and wires, see `read_lines`; or points, lines and planes, see `read_targets`; of these some
             may be `Unplaced`: where they are is found with the calibration.
-        detections: the points, see `read_detections`.
+        detections: the points, see `read_detections`; where there are several lines and no point names one, which
+            is of which is told by where they lie, as by `registration.associate`.
         **options: any of those of `sonocal.calibrate`, and `probe`, `fixed` and `on_invalid` of `calibrate_recording`.
 
     Returns:
         The calibration, and the table of sightings that it was fitted to.
 
     Raises:
-        InputError: a point belongs to no line or frame, nothing connects a line to the probe, or an option does not
-            exist or means nothing.
+        InputError: a point belongs to no line or frame, some name a line and others do not, nothing connects a line to
+            the probe, or an option does not exist or means nothing.
         DegenerateGeometryError, NoConsensusError: as `sonocal.calibrate`.
     """
     require("recording", recording, Recording)
@@ -224,11 +226,7 @@ def calibrate_points(
         return calibrate_targets(recording, every, detections, asked)
     known: list[Any] = [line for line in every if not isinstance(line, (Plane, Point))]
     require_lines(known)
-    if len(known) > 1 and (detections.target == "").any():
-        raise InputError(
-            f"{detections.source}: target '' is none of the lines {', '.join(line.name for line in known)[:200]}; "
-            "name one"
-        )
+    detections, of_labels = named_points(recording, known, detections, asked)
     lag = None if asked.latency is None else lag_of_points(recording, known, detections, asked)
     if lag is not None:
         recording = with_latency(recording, lag.latency_s, on_invalid=asked.on_invalid)
@@ -237,7 +235,7 @@ def calibrate_points(
     with suspects.explaining():
         found = calibrate(sightings.observations, **of_calibrate(asked, latency=None))
     found = suspects.judging(found, found.fit.inliers, found.fit.observations).with_findings(
-        sightings.diagnostics
+        [*sightings.diagnostics, *of_labels]
     )
     rows = seen_at_assumed_speed(found.sound, sightings.observations)
     found = with_pose_errors(with_slice_noise(found, rows), rows, recording, asked.posing)

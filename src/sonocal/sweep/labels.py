@@ -117,24 +117,25 @@ def widened_mm(labels: Association, within_mm: float) -> float:
     return float(np.clip(TIGHTNESS[2] * sigma_mm, within_mm, WIDEST * within_mm))
 
 
-def label_findings(labels: Association | None, names: Sequence[str]) -> Iterator[Diagnostic]:
+def label_findings(
+    labels: Association | None, names: Sequence[str], *, in_sheet: bool = True
+) -> Iterator[Diagnostic]:
     """Which wire bears which number in the contact sheet, how far the next best labels are, and where none are sure.
 
     Args:
         labels: None where there is nothing to label.
         names: of the wires.
+        in_sheet: whether there is a contact sheet.
     """
     if labels is None:
         return
-    numbers = ", ".join(f"{i + 1} {name}" for i, name in enumerate(sorted(set(names))))[:250]
     given, count = int(np.count_nonzero(labels.labels >= 0)), len(labels.labels)
-    begin = f"{given} of {count} candidates were labelled"
-    yield Diagnostic(
-        code="labels-given",
-        severity="info",
-        message=f"{begin}; {next_best_in_words(labels)}; in the contact sheet: {numbers}",
-        advice="nothing, if the numbers in the contact sheet are where these wires are",
-    )
+    said, advice = [f"{given} of {count} candidates were labelled", next_best_in_words(labels)], "nothing"
+    if in_sheet:
+        numbers = ", ".join(f"{i + 1} {name}" for i, name in enumerate(sorted(set(names))))[:250]
+        said.append(f"in the contact sheet: {numbers}")
+        advice = "nothing, if the numbers in the contact sheet are where these wires are"
+    yield Diagnostic(code="labels-given", severity="info", message="; ".join(said), advice=advice)
     if labels.verdict == "found":
         return
     message = unsure_in_words(labels)

@@ -15,6 +15,7 @@ from sonocal.errors import InputError
 from sonocal.geometry import Array
 from sonocal.observations import Observations
 from sonocal.recording import Poses, Recording
+from sonocal.registration.near_degeneracy import nearly_degenerate
 from sonocal.setup_checks.placement import GAIN, quick_fit
 from sonocal.sweep.tabulate import Posing, tabulated
 from sonocal.targets import Line
@@ -106,6 +107,10 @@ class LineTrials:
         alike = [one for one, share in shares.items() if share.part >= most - AS_MANY]
         words = min(alike, key=lambda one: shares[one].middle_mm, default="")
         if not shares or not shares[words].part > max(GOOD_SHARE, before.part + GAIN):
+            return None
+        if nearly_degenerate(
+            point_line_rows(self.table(trials[words]()))
+        ):  # such lines fit many a change as well
             return None
         return f"{words}: {shares[words].count} of {shares[words].of} images agree then"
 
