@@ -43,8 +43,9 @@ def test_selecting_twice_is_selecting_once(seed, kind):
 @given(seeds, kinds)
 def test_ranks_count_from_the_best_of_each_frame_and_stay_with_their_detection(seed, kind):
     found = detections_of(kind, seed)
-    for frame in np.unique(found.frame):
-        assert found.rank[found.frame == frame].tolist() == list(range((found.frame == frame).sum()))
+    for frame, target in {*zip(found.frame.tolist(), found.target.tolist(), strict=True)}:
+        mine = (found.frame == frame) & (found.target == target)
+        assert found.rank[mine].tolist() == list(range(mine.sum()))
     order = np.random.default_rng(seed).permutation(len(found))
     np.testing.assert_array_equal(found.select(order).rank, found.rank[order])
 

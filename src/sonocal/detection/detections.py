@@ -32,7 +32,7 @@ class Detections:
         covariance_px2: (N, P, D, D), or None where unknown; of a line's or plane's points across it: along it a point
             means nothing.
         score: (N,): how far it stands out, greater is better; or None where others found it.
-        rank: (N,): 0 for the best of its image; default: in the order given.
+        rank: (N,): 0 for the best of its image, or of those of its line in it; default: in the order given.
         target: (N,) name of the line; "", the default, where it may be of any.
         images: how many images were looked at; default: those in which something was found.
         source: the name that messages give it.
@@ -69,10 +69,10 @@ class Detections:
                 f"{self.source}: needs frames (N,) and points_px (N, points, axes); "
                 f"got {frame.shape} and {self.points_px.shape}"
             )
-        self._set("rank", order_within(frame) if self.rank is None else np.asarray(self.rank, dtype=np.int64))
         self._set(
             "target", np.full(len(frame), "") if self.target is None else np.asarray(self.target, np.str_)
         )
+        self._set("rank", self._order() if self.rank is None else np.asarray(self.rank, dtype=np.int64))
         if self.origin is not None:
             self._set("origin", np.asarray(self.origin, np.str_))
         self._set("images", len(np.unique(frame)) if self.images is None else self.images)
@@ -149,6 +149,15 @@ class Detections:
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
+
+    def _order(self) -> NDArray[np.int64]:
+        """(N,): in the order given, among those of one image and name."""
+        if self.target.shape != self.frame.shape:  # which is refused
+            return np.zeros(len(self.frame), dtype=np.int64)
+        names = np.unique(self.target, return_inverse=True)[1].reshape(-1)
+        return order_within(
+            np.unique(np.column_stack([self.frame, names]), axis=0, return_inverse=True)[1].reshape(-1)
+        )
 
     def _variance_px2(self) -> Array | None:
         """(N, P)."""

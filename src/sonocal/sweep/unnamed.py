@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -63,6 +62,15 @@ def named_points(
             f"column target, or {ADVICE}",
             best_count=int(np.count_nonzero(told)),
         )
-    of_lines = detections.select(np.flatnonzero(posed)[told])
-    named = replace(of_lines, target=np.array(names)[found.labels[told]])
+    seen = detections.select(np.flatnonzero(posed)[told])
+    named = Detections(  # whose ranks are among those of one line
+        seen.frame,
+        seen.points_px,
+        seen.covariance_px2,
+        seen.score,
+        target=np.array(names)[found.labels[told]],
+        images=detections.images,
+        source=detections.source,
+        origin=seen.origin,
+    )
     return named, list(label_findings(found, names, in_sheet=False))
