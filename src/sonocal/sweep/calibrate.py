@@ -39,6 +39,7 @@ from sonocal.sweep.lagged import (
     require_clock,
     with_line_velocities,
 )
+from sonocal.sweep.line_trials import LineTrials
 from sonocal.sweep.mixed import calibrate_targets
 from sonocal.sweep.options import (
     Keywords,
@@ -258,4 +259,5 @@ def _suspects(
     """What may be wrong, looked at within the threshold asked for, or what tells the lines apart."""
     threshold = options.threshold_mm
     within_mm = telling_threshold_mm(lines) if threshold == "auto" else float(threshold)
-    return Suspects(recording, tuple(lines), detections, options.posing, options, within_mm)
+    trials = LineTrials(recording, tuple(lines), detections, options.posing, within_mm)
+    return Suspects(trials, options)

@@ -14,10 +14,8 @@ from sonocal.calibration.models import CHECK_SCALE
 from sonocal.calibration.options import Options
 from sonocal.calibration.refusals import leading_with
 from sonocal.calibration.rows import point_line_rows
-from sonocal.detection import Detections
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import Diagnostic, Findings
-from sonocal.recording import Recording
 from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.late import lag_finding, spoiling_lag
@@ -25,8 +23,6 @@ from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.placement import GAIN, wrong_frame
 from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.sweep.line_trials import GOOD_SHARE, RANKS, LineTrials
-from sonocal.sweep.tabulate import Posing
-from sonocal.targets import Line
 
 __all__ = ["Suspects"]
 
@@ -50,23 +46,15 @@ FACTORS = {
 
 @dataclass(frozen=True, eq=False)
 class Suspects:
-    """A recording, what was detected in it, and how its lines came into the probe marker's frame.
+    """A recording and what was detected in it, to be asked what would fit better.
 
     Attributes:
-        recording: with the poses as they are.
-        lines: the needles and wires.
-        detections: what was found in the images, candidates among them.
-        posing: which tool the probe's marker is, and what connects the lines to it.
+        trials: what agrees if something is other than the recording says.
         options: how rows are fitted.
-        threshold_mm: detections within this distance of their line agree.
     """
 
-    recording: Recording
-    lines: tuple[Line, ...]
-    detections: Detections
-    posing: Posing
+    trials: LineTrials
     options: Options
-    threshold_mm: float
 
     @contextmanager
     def explaining(self) -> Iterator[None]:
@@ -116,34 +104,30 @@ class Suspects:
         return ()
 
     @cached_property
-    def _trials(self) -> LineTrials:
-        return LineTrials(self.recording, self.lines, self.detections, self.posing, self.threshold_mm)
-
-    @cached_property
     def _lag(self) -> Lag | None:
         """Lines from another moment: the poses of all items say where they were, not only those with a detection."""
-        if np.isnan(self.recording.times).any():
+        if np.isnan(self.trials.recording.times).any():
             return None
         lags = (self._lag_of(ranks) for ranks in (1, RANKS))
         return next((lag for lag in lags if lag is not None and lag.moved_mm > LEAST_LAG_MM), None)
 
     def _lag_of(self, ranks: int) -> Lag | None:
         """From so many candidates an image: the first are the surest, and in speckle too few of them the needle."""
-        table = self._trials.table(self._trials.segments_mm, ranks)
-        names = [line.name for line in self.lines]
+        table = self.trials.table(self.trials.segments_mm, ranks)
+        names = [line.name for line in self.trials.lines]
         track = np.array([names.index(str(name)) for name in table.target])
         rows = RowsInTime.in_recording(
-            point_line_rows(table), self.recording.times, self._trials.segments_mm, table.frame, track
+            point_line_rows(table), self.trials.recording.times, self.trials.segments_mm, table.frame, track
         )
-        return find_lag(rows, self.threshold_mm, self.options.model, LEAST_SHARE)
+        return find_lag(rows, self.trials.threshold_mm, self.options.model, LEAST_SHARE)
 
     def _wrong_scale(self) -> Iterator[Diagnostic]:
         """Images that agree once the scale is left free."""
         given = self.options.scale_mm_per_px
         if given is None:
             return
-        known = self._trials.agreeing(lambda: self._trials.segments_mm, scale_mm_per_px=given)
-        free = self._trials.agreeing(lambda: self._trials.segments_mm)
+        known = self.trials.agreeing(lambda: self.trials.segments_mm, scale_mm_per_px=given)
+        free = self.trials.agreeing(lambda: self.trials.segments_mm)
         if free.part > max(GOOD_SHARE, known.part + GAIN):
             yield Diagnostic(
                 code="known-scale-disagrees",
@@ -161,8 +145,8 @@ class Suspects:
         for (of, to), factor in FACTORS.items():
             words = f"the lines fit when their lengths are multiplied by {factor:.4g} ({of}, where poses are in {to})"
             # Lines that shrink come near one another, and chance with them.
-            trials[words], within[words] = self._trials.longer(factor), min(factor, 1.0)
-        found = self._trials.best(trials, within)
+            trials[words], within[words] = self.trials.longer(factor), min(factor, 1.0)
+        found = self.trials.best(trials, within)
         if found is not None:
             yield Diagnostic(
                 code="implausible-units",
@@ -173,11 +157,14 @@ class Suspects:
 
     def _late(self) -> Iterator[Diagnostic]:
         if self._lag is not None:
-            yield lag_finding(self._lag, self.recording.latency_s)
+            yield lag_finding(self._lag, self.trials.recording.latency_s)
 
     def _wrong_poses(self) -> Iterator[Diagnostic]:
         """Poses that fit when they are taken for something else."""
-        probe, frames = self.posing.probe, list(dict.fromkeys(line.frame for line in self.lines))
+        probe, frames = (
+            self.trials.posing.probe,
+            list(dict.fromkeys(line.frame for line in self.trials.lines)),
+        )
         tools = [one for one in dict.fromkeys([probe, *frames]) if self._is_tracked(one)]
         whose = [*([tool] for tool in tools), *([tools] if len(tools) > 1 else [])]
         trials = {
@@ -188,7 +175,7 @@ class Suspects:
             for some in whose
             for how, change in CHANGES.items()
         }
-        found = self._trials.best({words: self._trials.with_poses(*trial) for words, trial in trials.items()})
+        found = self.trials.best({words: self.trials.with_poses(*trial) for words, trial in trials.items()})
         if found is not None:
             yield Diagnostic(
                 code="wrong-poses",
@@ -202,16 +189,16 @@ class Suspects:
 
     def _wrong_frame(self) -> Iterator[Diagnostic]:
         """Lines that fit in the frame of another tool, or in the tracker's."""
-        said, known = self.lines[0].frame, self.recording.poses.values()
-        names = dict.fromkeys([*self.recording.tools, *(one.target for one in known)])
-        own = {line.frame.lower() for line in self.lines}
+        said, known = self.trials.lines[0].frame, self.trials.recording.poses.values()
+        names = dict.fromkeys([*self.trials.recording.tools, *(one.target for one in known)])
+        own = {line.frame.lower() for line in self.trials.lines}
         words = "the lines fit when they are taken to be in the frame of {}, not of {}"
         others = [name for name in names if name.lower() not in own]
-        found = self._trials.best({words.format(name, said): self._trials.in_frame(name) for name in others})
+        found = self.trials.best({words.format(name, said): self.trials.in_frame(name) for name in others})
         if found is not None:
             yield wrong_frame(
                 found, "correct the frame in the file of lines, or carry the lines into the one it names"
             )
 
     def _is_tracked(self, tool: str) -> bool:
-        return sum(one.source.lower() == tool.lower() for one in self.recording.poses.values()) == 1
+        return sum(one.source.lower() == tool.lower() for one in self.trials.recording.poses.values()) == 1
