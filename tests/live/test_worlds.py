@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from sonocal import igtl
 from sonocal.live import Replay
 from tests.builders.live import LONG_S, live_at, swept, until
 from tests.builders.messages import as_sent
+
+STALL_S = 5.0
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +74,7 @@ def test_a_header_byte_by_byte_and_a_stall_change_nothing(sweep, tmp_path):
             for byte in data[:60]:
                 connection.sendall(bytes([byte]))
             until(lambda: "nothing arrives any more; is the server still sending?" in sentences(running))
+            time.sleep(STALL_S)
             connection.sendall(data[60:])
             until(lambda: "messages arrive again" in sentences(running))
             until(lambda: running.client.received == 6)
