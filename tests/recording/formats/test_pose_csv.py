@@ -64,6 +64,18 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
         ("t,qw\n0\n", "a.csv, line 2: has 1 cells where the header has 2; quote cells that hold a comma"),
         ("t,qw\n", "a.csv: has a header but no rows; write one row an instant"),
         ("nan,qw\n0,1\n", "a.csv, line 1: lacks the column qx beside qw"),
+        ("t,qx,qy,qz,x,y,z\n0,1,0,0,1,2,3\n", "a.csv, line 1: lacks the column qw beside qx"),
+        ("t,qw,qx,qy,qz,y,z\n0,1,0,0,0,2,3\n", "a.csv, line 1: lacks the column x beside y"),
+        (
+            "t,Probe_roll,Probe_pitch,Probe_yaw,x,y,z\n0,1,2,3,1,2,3\n",
+            "a.csv, line 1, column Probe_roll: roll is about another axis with every maker; name the angles by the "
+            "axes that they turn about, such as Probe_ZYX_rx_deg",
+        ),
+        (
+            "Recorded on Monday\n\nt,qw,qx,qy,qz,x,y,z\n0,1,0,0,0,1,2,3\n",
+            "a.csv, line 3: has 8 cells where the header has 1; delete the lines above the header, or begin them "
+            "with #",
+        ),
     ],
 )
 def test_bad_tables_are_refused(tmp_path, text, sentence):

@@ -33,7 +33,7 @@ from sonocal.recording.formats import (
 )
 from sonocal.recording.formats.parts.angles import check_angles
 from sonocal.recording.joining import join_several, with_latency
-from sonocal.recording.markers import Markers
+from sonocal.recording.markers import Markers, check_markers
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 
@@ -88,7 +88,7 @@ def read_recording(
         UnsupportedError: it is a kind of file that sonocal does not read.
     """
     path = path_of(path)
-    told = {"angles": angles and check_angles(angles), "markers": tuple(markers)}
+    told = {"angles": angles and check_angles(angles), "markers": check_markers(markers)}
     found = _recognised(path)
     images = _read(found, path, told)
     files = _files(poses) if poses is not None else [] if images.poses else _poses_beside(path, found)
