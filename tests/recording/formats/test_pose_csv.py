@@ -267,6 +267,16 @@ def test_no_order_and_no_unit_of_angles_is_guessed(tmp_path, header, words):
     assert str(caught.value).startswith(words)
 
 
+@given(seed=SEEDS, meaning=st.sampled_from(ORDERS))
+def test_degrees_are_not_taken_for_the_radians_that_they_are_said_to_be(tmp_path_factory, seed, meaning):
+    path, matrices = tmp_path_factory.mktemp("poses") / "a.csv", random_poses(np.random.default_rng(seed), N)
+    with_angles(path, matrices, meaning, stated=True)
+    path.write_text(path.read_text().replace("_deg", "_rad"))
+    words = rf"column Probe_{meaning}_rx_rad: reaches .* turns; are these degrees\? call it Probe_{meaning}_rx_deg;"
+    with pytest.raises(InputError, match=words):
+        read_recording(path)
+
+
 @pytest.mark.parametrize("angles", ["ZYZ", "ZYx", "XY", "", "rotvec"])
 def test_what_is_no_order_of_axes_is_refused(tmp_path, angles):
     with_angles(tmp_path / "a.csv", random_poses(np.random.default_rng(0), N), "XYZ", stated=False)

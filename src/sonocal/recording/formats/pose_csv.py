@@ -30,7 +30,7 @@ from sonocal.files.tables import (
 )
 from sonocal.geometry import Array
 from sonocal.recording.formats.ndi import is_ndi
-from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
+from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles, refuse_degrees
 from sonocal.recording.formats.parts.pose_columns import (
     MM_PER_UNIT,
     Part,
@@ -185,6 +185,13 @@ def _quaternions(table: Table, columns: Columns, angles: str | None) -> Array:
         )
     if len(units := {columns["angle", axis].unit for axis in "xyz"}) > 1:
         raise InputError(f"{table.name}, line 1: its angles are in {' and '.join(sorted(units))}; write one")
+    if first.unit == "rad":
+        say = (
+            f"call it {first.name.removesuffix('rad')}deg"
+            if first.name.endswith("rad")
+            else "say deg in the names"
+        )
+        refuse_degrees(numbers, f"{table.name}, line 1, column {first.name}", say)
     return quaternions_from_angles(np.deg2rad(numbers) if first.unit == "deg" else numbers, meaning)
 
 

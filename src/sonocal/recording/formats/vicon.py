@@ -27,7 +27,7 @@ from sonocal.files.separators import separator_of
 from sonocal.files.tables import cells_to_numbers, csv_lines, is_number
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
+from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles, refuse_degrees
 from sonocal.recording.formats.parts.pose_columns import in_mm
 from sonocal.recording.markers import Markers, bodies_from_markers
 from sonocal.recording.model import Provenance, Recording
@@ -195,7 +195,10 @@ def _bodies(section: _Section, angles: str | None) -> Iterator[Poses]:
             )
         else:
             numbers = section.part(name, THREE)
-            turns = quaternions_from_angles(section.rad_per_unit(name) * numbers, angles)
+            scale = section.rad_per_unit(name)
+            if scale == 1.0:
+                refuse_degrees(numbers, f"{section.name}: the rotation of {name}", "write deg as their unit")
+            turns = quaternions_from_angles(scale * numbers, angles)
         subject, body = _tool(name)
         tool = body if short[body] == 1 else subject + body
         yield poses_from_quaternions(turns, places, tool, "Tracker", section.name)
