@@ -222,8 +222,8 @@ def _identities(name: str, poses: Poses) -> Iterator[Diagnostic]:
     if (leaps > LEAP_MM).any():
         yield _warning(
             "identity-poses",
-            f"{name}: {len(frames)} poses marked valid are the identity, first at frame {frames[0]}, and the poses beside "
-            f"them are up to {leaps.max():.0f} mm away",
+            f"{name}: {len(frames)} poses marked valid are the identity, first at frame {frames[0]}, and the poses "
+            f"beside them are up to {leaps.max():.0f} mm away",
             "many programs write that where a tool is not seen: mark such poses invalid, or leave them out",
         )
 
