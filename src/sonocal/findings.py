@@ -95,6 +95,7 @@ CODES = {
     "gaps": "long gaps between stamps",
     "invalid-poses": "poses marked invalid",
     "non-rigid-poses": "poses with scale or shear",
+    "identity-poses": "poses that move nothing, among others far away",
     "static-tool": "a tool does not move",
     "frozen-poses": "a pose repeats to the last digit, for a while",
     "invalid-images": "images marked invalid",

@@ -106,13 +106,16 @@ def files(tmp_path_factory):
     return folder
 
 
-def not_for_ever(folder, opener, tool_of, first=(), *, host, port, ready, begin, recorded, needle):
+def not_for_ever(
+    folder, opener, tool_of, other_of, first=(), *, host, port, ready, begin, recorded, needle, other
+):
     """In place of the studio's server, which serves until somebody interrupts: tests/studio runs that."""
     assert begin is None or callable(begin)
     assert len(recorded) == 2
     assert callable(opener)
     assert callable(ready)
     assert needle is None or (callable(tool_of) and needle.pivot.exists() and needle.spin.exists())
+    assert other is None or callable(other_of(other))
     assert all(path.exists() for path in first)
     assert (host, port) in {("127.0.0.1", 0), ("127.0.0.1", 8800)}
     folder.mkdir(parents=True)

@@ -42,6 +42,7 @@ NOT_RUN = {
     "sonocal replay sweep.igs.mha --port 18945 --rate 30": "waits for a client; tests/live has both",
     "sonocal live --connect localhost:18945 --lines needle.toml --until 1.5mm": "needs a server; tests/live has one",
     "sonocal studio sweep.igs.mha --lines needle.toml": "serves until somebody interrupts; tests/studio runs it",
+    "sonocal studio sweep.igs.mha --lines needle.toml --compare calibrated.xml": "the same",
     "sonocal studio sweep.igs.mha --pivot pivot.igs.mha --spin spin.igs.mha": "the same",
     "sonocal studio --live localhost:18945 --lines needle.toml": "the same, of a server",
     "sonocal calibrate sweep.igs.mha --lines needle.toml --latency estimate -o without-lag": "the page's sweep is "

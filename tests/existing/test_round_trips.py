@@ -92,6 +92,12 @@ NOTATIONS = {
     "python": lambda m: f"ImageToProbe = np.array({m!r})",
     "numpy": lambda m: f"array({m!r})",
     "decimal commas": lambda m: "\n".join(" ".join(map(repr, row)).replace(".", ",") for row in m),
+    "decimal commas and whole numbers": lambda m: "\n".join(
+        " ".join(f"{x:g}" if x == round(x) else repr(x).replace(".", ",") for x in row) for row in m
+    ),
+    "decimal commas, semicolons": lambda m: "\n".join(
+        ";".join(map(repr, row)).replace(".", ",") for row in m
+    ),
     "exponents": lambda m: "\n".join(" ".join(f"{x:.17e}" for x in row) for row in m),
     "windows": lambda m: "\ufeff" + "\r\n".join(" ".join(map(repr, row)) for row in m) + "\r\n",
 }

@@ -46,6 +46,7 @@ def test_a_healthy_recording_has_no_findings():
 def test_every_fault_is_found():
     good = healthy()
     matrices, times = good.poses["tracker_from_probe"].matrices, good.times
+    far = matrices + np.pad(np.full((1, 1), 500.0), ((0, 3), (3, 0)))
     pixels = np.stack(list(good.frames))
     faults = {
         "stamps-out-of-order": replace(good, times=np.r_[times[:10], times[12], times[11], times[12:]]),
@@ -59,6 +60,9 @@ def test_every_fault_is_found():
         "static-tool": with_poses(good, matrices=np.repeat(matrices[:1], 40, axis=0)),
         "frozen-poses": with_poses(good, matrices=matrices[np.minimum(np.arange(40), 20)]),
         "duplicated-images": replace(good, frames=ArrayFrames(pixels[[*range(39), 38]])),
+        "identity-poses": with_poses(
+            good, matrices=np.where((np.arange(40) % 9 == 4)[:, None, None], np.eye(4), far)
+        ),
         "frozen-images": replace(good, frames=ArrayFrames(pixels[np.minimum(np.arange(40), 20)])),
         "invalid-images": replace(good, image_valid=np.arange(40) != 3),
     }
@@ -116,3 +120,12 @@ def test_frames_cancel_along_a_chain():
     assert str(caught.value) == (
         "recording: nothing connects Stylus to Probe; the transforms are ProbeToTracker, NeedleToTracker"
     )
+
+
+def test_a_recording_relative_to_its_first_pose_may_begin_with_the_identity():
+    good = healthy()
+    matrices = good.poses["tracker_from_probe"].matrices
+    near = matrices.copy()
+    near[:, :3, 3] = np.linspace(0, 400, len(near))[:, None] * [1, 0, 0]
+    near[0] = np.eye(4)
+    assert codes(with_poses(good, matrices=near)) == set()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonocal.cli.existing import choice_of, of_other_software
 from sonocal.cli.help import READING, command
 from sonocal.cli.live_begin import IMAGE, IMAGES, MOST_TILT, RECORDING, UNTIL
 from sonocal.cli.options import (
@@ -26,6 +27,7 @@ from sonocal.cli.screen.plain import say
 from sonocal.cli.studio_live import scan_to_follow
 
 if TYPE_CHECKING:
+    from sonocal.existing import Choice
     from sonocal.studio import Asked, Begin
 
 __all__ = ["open_studio", "studio"]
@@ -38,6 +40,7 @@ READING_LATER = tuple(name for name in READING if name not in ("latency_s", "on_
     "Look at a sweep in the browser, and mend its points.",
     groups={
         "What is read": ("lines", *READING),
+        "What it is compared with": ("compare", "transform", "stored_as"),
         "The needle, where no file says it": ("pivot", "spin", "tool_name", "length_mm"),
         "A scan that goes on": ("live", "image", "until_mm", "most_tilt_deg"),
         "What is written": ("output",),
@@ -46,6 +49,7 @@ READING_LATER = tuple(name for name in READING if name not in ("latency_s", "on_
     examples=(
         "sonocal studio",
         "sonocal studio sweep.igs.mha --lines needle.toml",
+        "sonocal studio sweep.igs.mha --lines needle.toml --compare plus.xml",
         "sonocal studio sweep.igs.mha --pivot pivot.igs.mha --spin spin.igs.mha",
         "sonocal studio --live localhost:18944 --lines needle.toml",
         "sonocal studio sweep.igs.mha --lines needle.toml --no-browser --port 8800 -o mended",
@@ -59,6 +63,8 @@ READING_LATER = tuple(name for name in READING if name not in ("latency_s", "on_
 @PROBE
 @LATENCY_OR_ESTIMATE
 @INVALID
+@click.option("--compare", type=FILE, metavar="OTHER", help="Another calibration, ours or of other software.")
+@of_other_software
 @click.option("--pivot", type=FILE, help="Recording of the needle tilted about its resting tip.")
 @click.option("--spin", type=FILE, help="Recording of it turned about its shaft.")
 @click.option(
@@ -102,6 +108,7 @@ def studio(
     live: str | None,
     pivot: Path | None,
     spin: Path | None,
+    compare: Path | None,
     **options: Any,
 ) -> None:
     """Open a local web page: look at frames with what was detected, click where the detector was wrong, and see
@@ -111,6 +118,9 @@ def studio(
 
     With --pivot and --spin the needle is found first, as "sonocal tool" does; the page does the same of what is dropped
     there.
+
+    With --compare the page says how far another calibration is from the one of the sweep, as "sonocal validate" does,
+    and so it does of one that is given under Files.
 
     With --live the page follows a scan: the newest image, the error as it falls, and which pose to hold next. What
     arrives is in OUTPUT/recording.mhd as soon as it is there; at the end it is opened like any recording.
@@ -122,11 +132,14 @@ def studio(
 
     _refuse_halves(source, lines, live)
     asked = _needle(pivot, spin, lines, live, options)
-    for path in (source, lines, pivot, spin):
+    choice = choice_of(options)
+    if compare is None and (named := typed(("transform", "stored_as"))):
+        raise click.UsageError(f"{named[0]} is for --compare, which is missing")
+    for path in (source, lines, pivot, spin, compare):
         if path is not None and not path.exists():
             raise InputError(f"{path}: there is no such file; check the name and the folder")
     first = [path for path in (source, lines) if path is not None]
-    how: dict[str, Any] = {"host": host, "port": port, "browser": browser}
+    how: dict[str, Any] = {"host": host, "port": port, "browser": browser, "other": compare, "choice": choice}
     if live is None:
         open_studio(first, output, **how, reading=_typed_again(READING), needle=asked)
         return
@@ -174,6 +187,8 @@ def open_studio(
     reading: Sequence[str] = (),
     begin: Begin | None = None,
     needle: Asked | None = None,
+    other: Path | None = None,
+    choice: Choice | None = None,
 ) -> None:
     """Serve the page until somebody interrupts.
 
@@ -186,6 +201,8 @@ def open_studio(
         reading: further arguments of ``sonocal calibrate``.
         begin: a live session that the page follows.
         needle: what the needle is found from.
+        other: a calibration to compare with.
+        choice: which matrix of a file of other software that is.
     """
     from sonocal.cli.screen.terminal import somebody_looks
     from sonocal.cli.studio_work import Openings
@@ -197,10 +214,10 @@ def open_studio(
         if browser and somebody_looks():
             click.launch(address)
 
-    openings = Openings(output, reading)
-    how: dict[str, Any] = {"host": host, "port": port, "ready": ready}
+    openings = Openings(output, reading, choice)
+    how: dict[str, Any] = {"host": host, "port": port, "ready": ready, "other": other}
     how |= {"begin": begin, "recorded": (RECORDING, IMAGES), "needle": needle}
-    serve(output, openings.open, openings.tool, first, **how)
+    serve(output, openings.open, openings.tool, openings.other, first, **how)
 
 
 def _typed_again(names: Sequence[str]) -> list[str]:

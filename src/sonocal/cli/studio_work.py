@@ -16,7 +16,9 @@ from sonocal.cli.tool import OF_OTHER_TOOLS, found_tool, tool
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
+    from sonocal.existing import Choice
     from sonocal.observations import Observations
+    from sonocal.studio.beside import Words
     from sonocal.studio.marks import Marks
     from sonocal.studio.needle import Asked
     from sonocal.studio.work import Work
@@ -32,14 +34,15 @@ OTHERS = ("source", "lines", "output", "overwrite", "as_json")
 class Openings:
     """Opens recordings and tables for the studio."""
 
-    def __init__(self, folder: Path, reading: Sequence[str]) -> None:
+    def __init__(self, folder: Path, reading: Sequence[str], choice: Choice | None = None) -> None:
         """Begin.
 
         Args:
             folder: of the session.
             reading: further arguments of ``sonocal calibrate``.
+            choice: which matrix of files of other software to compare with.
         """
-        self._folder, self._reading = folder, list(reading)
+        self._folder, self._reading, self._choice = folder, list(reading), choice
 
     def open(self, source: Path, lines: Path | None) -> Work:
         """A recording with its targets, or without any, or a table.
@@ -68,6 +71,30 @@ class Openings:
         with _parsed(words, tool) as context:
             options = {name: value for name, value in context.params.items() if name not in OF_OTHER_TOOLS}
             return found_tool(asked.pivot, options, accept_units=False)
+
+    def other(self, path: Path) -> Words:
+        """What ``sonocal validate --compare`` says of another calibration, ours or of other software.
+
+        Raises:
+            SonocalError: as that.
+        """
+        from sonocal.calibration import Calibration
+        from sonocal.cli.formats import calibration_in
+
+        other = calibration_in(path, self._choice)
+
+        def words(found: Calibration) -> list[str]:
+            from sonocal.existing.compared import compared
+            from sonocal.validation import compare
+
+            if isinstance(other, Calibration):
+                return [compare(found, other).sentence]
+            beside = compared(other, found)
+            misread = [f"{other.said} {way.words}: {way.advice}." for way in beside.rereadings]
+            misread = [sentence[0].upper() + sentence[1:] for sentence in misread]
+            return [f"Ours and {other.said}: {beside.difference.sentence}", *misread]
+
+        return words
 
     def _recording(self, source: Path, lines: Path) -> Work:
         from sonocal.detection import Detections

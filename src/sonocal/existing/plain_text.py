@@ -16,6 +16,7 @@ from sonocal.geometry import Array
 __all__ = ["FORMAT", "read_plain_text"]
 
 SIZE_LIMIT = 64 << 10
+COUNT = 16
 REMARK = re.compile(r"(#|%|//).*")
 # ``ImageToProbe = [...]``, ``A = np.array([...])``, ``"probe_from_image": [[...]]``.
 NAMED = re.compile(r"\s*[\"']?([A-Za-z_][\w.]{0,80})[\"']?\s*[=:]\s*")
@@ -33,7 +34,7 @@ def read_plain_text(path: Path) -> Matrices:
     """
     text = read_text(path, "a 4 x 4 matrix", SIZE_LIMIT)
     name, words = _words(text)
-    if len(words) != 16:
+    if len(words) != COUNT:
         raise FormatError(
             f"{path.name}: a matrix from px to mm has 16 numbers, 4 rows of 4; got {_counted(words)}; give these alone"
         )
@@ -52,9 +53,10 @@ def _words(text: str) -> tuple[str, list[str]]:
     named = NAMED.match(whole)
     body = whole[named.end() :] if named else whole
     words = [word for word in BETWEEN.split(body) if word]
-    if len(words) == 32 and all(len(row.split()) == 4 for row in body.splitlines() if row.strip()):
-        # 4 rows of 4 cells that a comma parts in two each.
-        words = DECIMAL_COMMA.sub(".", body).split()
+    if len(words) > COUNT and "." not in body:
+        # 16 cells, of which a comma parts in two each that is no whole number.
+        cells = [word for word in BETWEEN.split(DECIMAL_COMMA.sub(".", body)) if word]
+        words = cells if len(cells) == COUNT else words
     return named[1] if named else "", words
 
 
@@ -79,7 +81,7 @@ def _sniff(head: Head) -> bool:
         matrix: Array = np.array([float(word) for word in words])
     except (UnicodeDecodeError, ValueError):
         return False
-    if len(matrix) != 16:
+    if len(matrix) != COUNT:
         return False
     ends = (matrix[12:], matrix[3::4])
     return any(bool(np.all(np.abs(end - LAST_ROW) <= ROUNDING)) for end in ends)

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from sonocal.errors import UnsupportedError
 from sonocal.files.disk import read_at
 from sonocal.files.hdf5 import MAGIC, names_in
-from sonocal.files.separators import separator_of
+from sonocal.files.separators import is_comment, separator_of
 from sonocal.files.tables import is_number
 from sonocal.files.text import decoded
 
@@ -78,10 +78,10 @@ class Head:
         return self.content.removeprefix(b"\xef\xbb\xbf").lstrip()
 
     @cached_property
-    def _header(self) -> str:
+    def header_line(self) -> str:
         """The first line that is no comment."""
-        rows = (row for row in self.text.splitlines() if not row.lstrip().startswith(b"#") and row.strip())
-        return next(rows, b"").decode("utf-8", "replace")
+        rows = (row.decode("utf-8", "replace") for row in self.text.splitlines() if row.strip())
+        return next((row for row in rows if not is_comment(row)), "")
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -89,7 +89,7 @@ class Head:
         if b"\0" in self.text:
             return ()
         try:
-            cells = next(csv.reader([self._header], delimiter=separator_of(self._header)), [])
+            cells = next(csv.reader([self.header_line], delimiter=separator_of(self.header_line)), [])
         except csv.Error:
             return ()
         return tuple(cell.strip() for cell in cells)
@@ -102,7 +102,9 @@ class Head:
     @property
     def words(self) -> tuple[str, ...]:
         """The cells of the first line that is no comment, or its words where nothing but blanks separates them."""
-        return self.columns if len(self.columns) > 1 or b"\0" in self.text else tuple(self._header.split())
+        return (
+            self.columns if len(self.columns) > 1 or b"\0" in self.text else tuple(self.header_line.split())
+        )
 
     @property
     def lacks_header(self) -> bool:

@@ -7,11 +7,20 @@ from collections.abc import Sequence
 
 from sonocal.errors import FormatError
 
-__all__ = ["other_width", "separator_of"]
+__all__ = ["is_comment", "other_width", "separator_of"]
 
 QUOTED = re.compile(r'"[^"]*(?:"|$)')
 DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 WORDS = {",": "comma", ";": "semicolon", "\t": "tab"}
+
+
+# What Excel puts above a table, or is told there.
+EXCEL_S = re.compile(r"\s*\"?sep=.\"?\s*", re.IGNORECASE)
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line above a table's header is none of the table: a remark, or Excel's word on separators."""
+    return line.lstrip().startswith("#") or EXCEL_S.fullmatch(line) is not None
 
 
 def separator_of(text: str) -> str:
@@ -43,4 +52,6 @@ def other_width(where: str, row: Sequence[str], width: int, separator: str) -> F
         and all(cell.lstrip(" -+").isdecimal() for cell in row)
     ):
         return FormatError(f"{has}; if its commas are decimal ones, separate cells by semicolons")
+    if width == 1:
+        return FormatError(f"{has}; delete the lines above the header, or begin them with #")
     return FormatError(f"{has}; quote cells that hold a {WORDS[separator]}")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files.separators import other_width, separator_of
+from sonocal.files.separators import is_comment, other_width, separator_of
 from sonocal.files.text import decoded
 
 __all__ = [
@@ -32,6 +32,8 @@ __all__ = [
 
 # Rows that are held as such, until they stand in columns.
 ROWS_AT_ONCE = 4096
+# Of cells that may be blank: what programs write in place of nothing.
+NOTHING = {"", "na", "n/a", "none", "null", "missing", "-", "--"}
 # Of which decimal points are looked for, where commas could be decimal ones.
 FIRST_ROWS = 100
 
@@ -163,11 +165,11 @@ def without_comments(text: str) -> tuple[str, list[tuple[int, str]]]:
 
     Lines keep their numbers, so that messages name the file's own.
     """
-    if not text.lstrip().startswith("#"):
+    if not is_comment(text.lstrip().partition("\n")[0]):
         return text, []
     rows, comments = text.splitlines(keepends=True), []
     for i, row in enumerate(rows):
-        if row.strip() and not row.lstrip().startswith("#"):
+        if row.strip() and not is_comment(row):
             break
         if row.strip():
             comments.append((i + 1, row.strip()))
@@ -214,16 +216,22 @@ def cells_to_numbers(
         pass
     try:
         return np.array(
-            [blank if blank is not None and not cell.strip() else float(cell) for cell in cells], dtype=float
+            [blank if blank is not None and _is_nothing(cell) else float(cell) for cell in cells], dtype=float
         )
     except ValueError:
         row = next(
-            i for i, cell in enumerate(cells) if not is_number(cell) and (blank is None or cell.strip())
+            i
+            for i, cell in enumerate(cells)
+            if not is_number(cell) and (blank is None or not _is_nothing(cell))
         )
     arrived = f"{cells[row].strip()[:40]!r} is not a number" if cells[row].strip() else "the cell is empty"
     raise InputError(
         f"{name}, line {lines[row]}, column {column}: {arrived}; write a decimal number such as 12.5"
     )
+
+
+def _is_nothing(cell: str) -> bool:
+    return cell.strip().lower() in NOTHING
 
 
 def is_number(cell: str) -> bool:

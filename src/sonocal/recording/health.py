@@ -35,6 +35,8 @@ GAP_FACTOR = 4.0
 # A tool that moves less than this is at rest: trackers jitter by a few tenths.
 STATIC_MM, STATIC_RAD = 0.5, 0.005
 MANY_INVALID = 0.1
+# What no tool moves between two poses.
+LEAP_MM = 30.0
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,7 @@ def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
             f"(det R = {determinant(poses.matrices[i]):.3g})",
             "leave such frames out with --on-invalid skip; find what wrote scale or shear into a pose",
         )
+    yield from _identities(name, poses)
     yield from _stillness(name, poses)
 
 
@@ -204,6 +207,25 @@ def moved_out(recording: Recording) -> NDArray[np.bool_]:
     """(N,): images whose poses a latency takes from before or after the recording, where there are none."""
     at = recording.times + recording.latency_s
     return np.asarray((at < recording.times.min()) | (at > recording.times.max()))
+
+
+def _identities(name: str, poses: Poses) -> Iterator[Diagnostic]:
+    """Poses that turn and move nothing, from which the tool leaps away: no measurement is that to the last digit."""
+    blank = poses.valid & (poses.matrices == np.eye(4)).all(axis=(1, 2))
+    others = np.flatnonzero(poses.valid & ~blank)
+    if not blank.any() or not len(others):
+        return
+    frames = np.flatnonzero(blank)
+    after = np.searchsorted(others, frames)
+    beside = np.stack([others[np.maximum(after - 1, 0)], others[np.minimum(after, len(others) - 1)]])
+    leaps = np.linalg.norm(poses.matrices[beside][..., :3, 3], axis=2).min(axis=0)
+    if (leaps > LEAP_MM).any():
+        yield _warning(
+            "identity-poses",
+            f"{name}: {len(frames)} poses marked valid are the identity, first at frame {frames[0]}, and the poses "
+            f"beside them are up to {leaps.max():.0f} mm away",
+            "many programs write that where a tool is not seen: mark such poses invalid, or leave them out",
+        )
 
 
 def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from sonocal.geometry.fitted import fitted_motions
 from sonocal.recording.poses import Mask, Poses
 from sonocal.targets import Point
 
-__all__ = ["Markers", "bodies_from_markers", "rigid_fits"]
+__all__ = ["Markers", "bodies_from_markers", "check_markers", "rigid_fits"]
 
 Markers = Sequence[Point]
 """Where markers are: each a point, called as the marker, in its tool's frame."""
@@ -23,6 +23,18 @@ FEWEST = 3
 LEAST_WIDTH_MM = 1.0
 # Of the root mean square over a usual frame: what is further off is another body, or labels that were exchanged.
 MOST_RESIDUAL_MM = 3.0
+
+
+def check_markers(given: object) -> Markers:
+    """What says where markers are, as it must be.
+
+    Raises:
+        InputError: it is no list of points.
+    """
+    markers = tuple(given) if isinstance(given, Iterable) else (given,)
+    if all(isinstance(one, Point) for one in markers):
+        return markers
+    raise InputError(f"markers must be a list of points (see targets.read_points_toml); got {given!r}"[:200])
 
 
 def bodies_from_markers(

@@ -196,7 +196,7 @@ UNIT_TOLERANCE = 1e-2
 def poses_from_quaternions(
     quaternions_wxyz: Array, places_mm: Array, source: str, target: str, where: str
 ) -> Poses:
-    """Poses from quaternions and places; rows with a NaN are invalid.
+    """Poses from quaternions and places; rows with a NaN are invalid, and so is a quaternion of zeros: none was seen.
 
     Raises:
         InputError: a quaternion is far from unit length: its columns are probably not what they say.
@@ -204,6 +204,7 @@ def poses_from_quaternions(
     valid = np.asarray(np.isfinite(quaternions_wxyz).all(axis=1) & np.isfinite(places_mm).all(axis=1))
     with np.errstate(over="ignore"):
         length = np.linalg.norm(quaternions_wxyz, axis=1)
+    valid &= length > 0
     off = valid & ~(np.abs(length - 1) <= UNIT_TOLERANCE)
     if off.any():
         row = int(np.flatnonzero(off)[0])

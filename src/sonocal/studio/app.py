@@ -118,6 +118,7 @@ def application(desk: Desk, bench: Bench, uploads: Uploads, following: Following
             Route("/files/{name}", exported),
             Route("/inputs", upload, methods=["PUT"]),
             Route("/open", asking(bench.open_named), methods=["POST"]),
+            Route("/compare", asking(bench.compare_named), methods=["POST"]),
             Route("/tool", asking(bench.find_named), methods=["POST"]),
             *live_routes(following),
             WebSocketRoute("/events", events),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sonocal.errors import InputError, SonocalError
+from sonocal.studio.beside import OtherOf
 from sonocal.studio.desk import Desk
 from sonocal.studio.following import Following
 from sonocal.studio.needle import NEEDLE, Asked, ToolOf, needle_file, tool_told
@@ -29,6 +30,7 @@ class Bench:
         uploads: what it sent.
         opener: opens recordings and tables.
         tool_of: finds tools.
+        other_of: reads calibrations to compare with.
         following: a scan that goes on, beside which nothing is opened.
     """
 
@@ -38,10 +40,12 @@ class Bench:
         uploads: Uploads,
         opener: Opener,
         tool_of: ToolOf,
+        other_of: OtherOf,
+        *,
         following: Following | None = None,
     ) -> None:
         self._desk, self._uploads, self._opener, self._tool_of = desk, uploads, opener, tool_of
-        self._following = following
+        self._other_of, self._following = other_of, following
         self._lock = threading.Lock()
         self._source: Path | None = None
         self._needle: Path | None = None
@@ -62,6 +66,22 @@ class Bench:
         targets = asked.get("targets")
         known = None if targets is None else self._uploads.path(targets)
         self.open(self._uploads.path(asked.get("source")), known)
+
+    def compare(self, other: Path) -> None:
+        """Hold what is on the desk, now and later, against another calibration.
+
+        Raises:
+            SonocalError: it is none, or cannot be read.
+        """
+        self._desk.beside.give(other.name, self._other_of(other))
+
+    def compare_named(self, asked: dict[str, Any]) -> None:
+        """The same, of ``other``, which the page sent.
+
+        Raises:
+            SonocalError: there is no such file, or as `compare`.
+        """
+        self.compare(self._uploads.path(asked.get("other")))
 
     def find_named(self, asked: dict[str, Any]) -> None:
         """Find a needle from ``pivot`` and ``spin`` that the page sent; ``tool`` and ``length_mm`` are as of `Asked`.

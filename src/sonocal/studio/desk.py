@@ -10,9 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sonocal.calibration import Calibration
 from sonocal.errors import InputError, SonocalError
 from sonocal.files import make_folder, write_into_folder
 from sonocal.studio.answer import answer_of
+from sonocal.studio.beside import Beside
 from sonocal.studio.journal import Journal
 from sonocal.studio.marks import Edit, Marks, edited, standing
 from sonocal.studio.told import about, candidates_told, marks_told, refusal_told
@@ -28,8 +30,8 @@ class Desk:
     """A session, safe to use from several threads.
 
     What listeners are told are messages by `kind`: "work" (what is on the desk), "progress", "candidates", "marks",
-    "answer" and "live" (a scan that goes on); a new listener is told all that stands. Every message has the `run` of
-    the server, so that a page knows when it was started anew.
+    "answer", "beside" (another calibration) and "live" (a scan that goes on); a new listener is told all that stands.
+    Every message has the `run` of the server, so that a page knows when it was started anew.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -51,6 +53,7 @@ class Desk:
         self._closed = False
         self._exported: dict[str, bytes] = {}
         self._opening: Callable[[], Work] | None = None
+        self.beside = Beside(self.tell)
         self.tell("work", {"phase": "empty", "name": "", "folder": str(folder)})
         self._thread = threading.Thread(target=self._run, name="studio", daemon=True)
         self._thread.start()
@@ -214,6 +217,7 @@ class Desk:
                 self._told.pop(kind, None)
             self._work, self._journal, self._found = work, journal, {}
             self.tell("work", {"phase": "looking", **about(work), "folder": str(self.folder)})
+            self.beside.answered(None)
             self._marked()
             self._solved = self._revision  # nothing is answered before all was looked at
         self._look(work)
@@ -247,8 +251,10 @@ class Desk:
             work, marks, revision, touched = self._work, dict(self._marks), self._revision, self._touched
         assert work is not None
         told: dict[str, Any]
+        found: Calibration | None = None
         try:
             solved = work.solve(marks, touched=touched)
+            found = solved.calibration
             told = answer_of(solved.calibration, solved.rows, work.of_images)
             told["crosses"] = work.crosses(solved.calibration)
         except SonocalError as error:
@@ -257,3 +263,4 @@ class Desk:
             self._solved = revision
             if work is self._work:
                 self.tell("answer", {"revision": revision, "touched": touched, **told})
+                self.beside.answered(found)

@@ -11,6 +11,7 @@ from typing import Any
 from sonocal.errors import InputError, UnsupportedError
 from sonocal.studio.app import application
 from sonocal.studio.bench import Bench
+from sonocal.studio.beside import OtherOf
 from sonocal.studio.desk import EXPORTED, JOURNAL, Desk
 from sonocal.studio.feed import Feed
 from sonocal.studio.following import Following
@@ -34,9 +35,11 @@ def serve(
     folder: Path,
     opener: Opener,
     tool_of: ToolOf,
+    other_of: OtherOf,
     first: Sequence[Path] = (),
     *,
     needle: Asked | None = None,
+    other: Path | None = None,
     host: str = LOOPBACK,
     port: int = 0,
     begin: Begin | None = None,
@@ -49,8 +52,10 @@ def serve(
         folder: for the journal and for what is exported.
         opener: opens what the page sends.
         tool_of: finds tools from what the page sends.
+        other_of: reads the calibrations to compare with that the page sends.
         first: what is on the desk from the start: a recording and perhaps what is scanned, or a table.
         needle: what the needle is found from, at the start.
+        other: a calibration to compare with from the start.
         host: to listen on; another than the loopback lets other machines in, who need the key, too.
         port: 0 for one that is free.
         begin: a live session that the page follows, in place of `first`; it records into `folder`.
@@ -58,7 +63,7 @@ def serve(
         ready: called with the address to open, which holds the key, when the server listens.
 
     Raises:
-        InputError: the port is taken, or the host is none of this machine.
+        InputError: the port is taken, the host is none of this machine, or `other` cannot be read.
         UnsupportedError: starlette, uvicorn or websockets is not installed.
     """
     uvicorn = _uvicorn()
@@ -71,10 +76,12 @@ def serve(
         if begin is not None:
             following = stack.enter_context(closing(Following(desk, *begin())))
         uploads = Uploads(folder / UPLOADED)
-        bench = Bench(desk, uploads, opener, tool_of, following)
+        bench = Bench(desk, uploads, opener, tool_of, other_of, following=following)
         guard = Guard(application(desk, bench, uploads, following), hosts_of(host, port), port)
         for path in first:
             uploads.know(path)
+        if other is not None:
+            bench.compare(other)
         if first:
             bench.open(first[0], first[1] if first[1:] else None)
         if needle is not None:

@@ -103,3 +103,14 @@ def test_a_folder_of_two_kinds_or_two_tables_is_refused(tmp_path):
     (tmp_path / "0.dcm").write_bytes(b"")
     with pytest.raises(InputError, match="holds both DICOM files and other images; keep one kind in it"):
         read_recording(tmp_path)
+
+
+def test_a_folder_of_recordings_names_them(tmp_path):
+    (tmp_path / "session").mkdir()
+    for name in ("b.mcap", "a.igs.mha", "notes.txt"):
+        (tmp_path / "session" / name).write_text("x")
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "session")
+    assert (
+        str(caught.value) == "session: is a folder without images; name a recording in it: a.igs.mha, b.mcap"
+    )

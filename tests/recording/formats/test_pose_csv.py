@@ -64,6 +64,18 @@ def test_quaternion_columns_in_another_order_are_read_by_name(tmp_path):
         ("t,qw\n0\n", "a.csv, line 2: has 1 cells where the header has 2; quote cells that hold a comma"),
         ("t,qw\n", "a.csv: has a header but no rows; write one row an instant"),
         ("nan,qw\n0,1\n", "a.csv, line 1: lacks the column qx beside qw"),
+        ("t,qx,qy,qz,x,y,z\n0,1,0,0,1,2,3\n", "a.csv, line 1: lacks the column qw beside qx"),
+        ("t,qw,qx,qy,qz,y,z\n0,1,0,0,0,2,3\n", "a.csv, line 1: lacks the column x beside y"),
+        (
+            "t,Probe_roll,Probe_pitch,Probe_yaw,x,y,z\n0,1,2,3,1,2,3\n",
+            "a.csv, line 1, column Probe_roll: roll is about another axis with every maker; name the angles by the "
+            "axes that they turn about, such as Probe_ZYX_rx_deg",
+        ),
+        (
+            "Recorded on Monday\n\nt,qw,qx,qy,qz,x,y,z\n0,1,0,0,0,1,2,3\n",
+            "a.csv, line 3: has 8 cells where the header has 1; delete the lines above the header, or begin them "
+            "with #",
+        ),
     ],
 )
 def test_bad_tables_are_refused(tmp_path, text, sentence):
@@ -253,6 +265,16 @@ def test_no_order_and_no_unit_of_angles_is_guessed(tmp_path, header, words):
     with pytest.raises(InputError) as caught:
         read_recording(tmp_path / "a.csv")
     assert str(caught.value).startswith(words)
+
+
+@given(seed=SEEDS, meaning=st.sampled_from(ORDERS))
+def test_degrees_are_not_taken_for_the_radians_that_they_are_said_to_be(tmp_path_factory, seed, meaning):
+    path, matrices = tmp_path_factory.mktemp("poses") / "a.csv", random_poses(np.random.default_rng(seed), N)
+    with_angles(path, matrices, meaning, stated=True)
+    path.write_text(path.read_text().replace("_deg", "_rad"))
+    words = rf"column Probe_{meaning}_rx_rad: reaches .* turns; are these degrees\? call it Probe_{meaning}_rx_deg;"
+    with pytest.raises(InputError, match=words):
+        read_recording(path)
 
 
 @pytest.mark.parametrize("angles", ["ZYZ", "ZYx", "XY", "", "rotvec"])

@@ -52,6 +52,14 @@ def test_a_scene_is_a_recording(tmp_path, scratch, name):
     np.testing.assert_allclose(needle.matrices[3, :3, 3], NEEDLE[2:4, :3, 3].mean(axis=0))
 
 
+def test_what_a_mac_puts_beside_each_file_is_no_scene(tmp_path, scratch):
+    write_scene(tmp_path / "a.mrb", FILES)
+    with zipfile.ZipFile(tmp_path / "a.mrb", "a") as archive:
+        for name in archive.namelist():
+            archive.writestr(f"__MACOSX/{Path(name).parent}/._{Path(name).name}", b"\0\5\26\7")
+    np.testing.assert_array_equal(list(read_recording(tmp_path / "a.mrb").frames), PIXELS)
+
+
 def test_temporary_files_go_with_the_frames(tmp_path, scratch):
     write_scene(tmp_path / "a.mrb", FILES)
     recording = read_recording(tmp_path / "a.mrb")

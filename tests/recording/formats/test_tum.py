@@ -46,6 +46,23 @@ def test_places_in_another_unit_than_metres_are_doubted_by_its_name(tmp_path):
     assert "0.001" in doubt.advice
 
 
+def test_tabs_are_blanks_and_stamps_that_are_no_seconds_are_told(tmp_path):
+    matrices = random_poses(np.random.default_rng(0), N)
+    (tmp_path / "Probe.txt").write_text(tum(matrices))
+    plain = read_recording(tmp_path / "Probe.txt")
+    lines = [line.split() for line in tum(matrices, "").splitlines()]
+    counted = [[str(round(1e9 * (1_700_000_000 + float(line[0])))), *line[1:]] for line in lines]
+    (tmp_path / "Probe.txt").write_text("\n".join("\t".join(line) for line in counted))
+    again = read_recording(tmp_path / "Probe.txt")
+    assert (
+        again.poses["tracker_from_probe"].matrices.tobytes()
+        == plain.poses["tracker_from_probe"].matrices.tobytes()
+    )
+    np.testing.assert_allclose(again.times - again.times[0], plain.times - plain.times[0], atol=1e-6)
+    assert [one.code for one in again.diagnostics] == ["time-unit"]
+    assert not plain.diagnostics
+
+
 @pytest.mark.parametrize(
     ("last", "kind", "sentence"),
     [

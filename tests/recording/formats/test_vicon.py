@@ -52,6 +52,33 @@ def test_markers_have_the_pose_of_their_body(tmp_path_factory, seed, hidden):
     np.testing.assert_allclose(found.matrices[seen], matrices[seen], atol=1e-9)
 
 
+@pytest.mark.parametrize("separator", ";\t")
+def test_one_body_between_other_separators_is_read(tmp_path, separator):
+    """Its name stands alone between blank cells."""
+    tools = {"Probe": two_tools(0)["Probe"]}
+    (tmp_path / "a.txt").write_text(vicon_bodies(tools).replace(",", separator).replace("mm", "MM"))
+    found = read_recording(tmp_path / "a.txt").poses["tracker_from_probe"]
+    np.testing.assert_allclose(found.matrices, tools["Probe"], atol=1e-9)
+
+
+@pytest.mark.parametrize("unit", ["", "turns"])
+def test_angles_without_a_unit_are_refused(tmp_path, unit):
+    (tmp_path / "a.csv").write_text(vicon_bodies(two_tools(0), "XYZ").replace("deg", unit))
+    with pytest.raises(
+        InputError, match=f"the unit of Probe:Probe RX is '{unit}', and its angles may be degrees or"
+    ):
+        read_recording(tmp_path / "a.csv", angles="XYZ")
+
+
+def test_what_is_no_list_of_markers_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text(vicon_markers(marker_places(two_tools(0)["Probe"]), list("abcd")))
+    for other in ("markers.toml", [1, 2], 5):
+        with pytest.raises(
+            InputError, match=r"markers must be a list of points \(see targets\.read_points_toml\)"
+        ):
+            read_recording(tmp_path / "a.csv", markers=other)
+
+
 def test_semicolons_and_decimal_commas_are_read(tmp_path):
     tools = two_tools(0)
     text = vicon_bodies(tools).replace(",", ";").replace(".", ",")

@@ -25,7 +25,7 @@ from sonocal.recording.formats.parts.stamps import time_column, times_of
 from sonocal.recording.formats.rosbag import is_bag_folder
 from sonocal.recording.model import Provenance, Recording
 
-__all__ = ["FORMAT", "STAMPS", "read_image_folder"]
+__all__ = ["FORMAT", "STAMPS", "images_in", "read_image_folder"]
 
 STAMPS = "frames.csv"
 
@@ -39,10 +39,7 @@ def read_image_folder(folder: Path) -> Recording:
         UnsupportedError: Pillow or pydicom is not installed.
     """
     name = folder.resolve().name
-    with reading(folder):
-        entries = sorted(folder.iterdir(), key=lambda p: _natural(p.name))
-    images = [p for p in entries if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
-    dicoms = [p for p in entries if p.suffix.lower() in DICOM_SUFFIXES and p.is_file()]
+    images, dicoms = images_in(folder)
     if not images and not dicoms:
         raise InputError(f"{name}: holds no image files ({', '.join(IMAGE_SUFFIXES + DICOM_SUFFIXES)})")
     if images and dicoms:
@@ -51,6 +48,18 @@ def read_image_folder(folder: Path) -> Recording:
         return read_dicom_files(dicoms, name)
     images, times, paths = _stamped(folder, images)
     return recording_of_images(images, times, Provenance(name, "images", paths))
+
+
+def images_in(folder: Path) -> tuple[list[Path], list[Path]]:
+    """The images of a folder, and its DICOM files, in the order of their names.
+
+    Raises:
+        InputError: the folder cannot be read.
+    """
+    with reading(folder):
+        entries = sorted(folder.iterdir(), key=lambda p: _natural(p.name))
+    images = [p for p in entries if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
+    return images, [p for p in entries if p.suffix.lower() in DICOM_SUFFIXES and p.is_file()]
 
 
 def _stamped(folder: Path, images: list[Path]) -> tuple[list[Path], Array, tuple[str, ...]]:

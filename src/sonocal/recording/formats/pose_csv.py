@@ -8,8 +8,9 @@ A time column (``Timestamp``, ``time_s``, ``time_ms``, dates, ...) and for every
     Probe_ZYX_rx_deg, ... and Probe_x,y,z     three angles, whose order the names state, or the option ``angles``
 
 with the place in mm, or in ``Probe_x_m`` ... metres. A blank pose is an invalid one, and so is one whose
-``ProbeToTrackerTransformStatus`` or ``Probe_status`` is not OK. The target frame is ``Tracker`` where the
-names do not say, and the tool the file's stem. Logs of known trackers have modules of their own.
+``ProbeToTrackerTransformStatus``, ``Probe_status`` or ``Probe_valid`` does not say that it holds. The target frame is
+``Tracker`` where the names do not say, and the tool the file's stem, or what a column ``tool`` says row by row. Logs of
+known trackers have modules of their own.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from sonocal.files.tables import (
 )
 from sonocal.geometry import Array
 from sonocal.recording.formats.ndi import is_ndi
-from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
+from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles, refuse_degrees
 from sonocal.recording.formats.parts.pose_columns import (
     MM_PER_UNIT,
     Part,
@@ -39,15 +40,17 @@ from sonocal.recording.formats.parts.pose_columns import (
     tools_in,
 )
 from sonocal.recording.formats.parts.pose_csv_write import write_pose_csv
+from sonocal.recording.formats.parts.pose_status import status_columns, with_status
 from sonocal.recording.formats.parts.sequence_fields import TRANSFORM, sixteen_each
 from sonocal.recording.formats.parts.stamps import times_of
+from sonocal.recording.formats.parts.tool_rows import joined_in_time, rows_by_tool
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import Poses, by_name, poses_from_quaternions
 
 __all__ = ["FORMAT", "example_header", "is_pose_column", "read_pose_csv"]
 
 MATRIX = tuple(f"m{i}{j}" for i in range(4) for j in range(4))
-OK = {"ok", "1", "true"}
+READ_AS = {"m": "metres", "cm": "centimetres", "um": "micrometres", "in": "inches"}
 Columns = Mapping[tuple[Part, str], PoseColumn]
 
 
@@ -71,41 +74,65 @@ def read_pose_csv(path: Path, angles: str | None = None) -> Recording:
     table = parse_table(path.name, read_text(path, "a table of poses"))
     table.need_rows("write one row an instant")
     tools = tools_in(table.header)
-    poses = by_name(_tools(table, tools, path.stem, angles), path.name)
-    if not poses:
-        raise FormatError(
-            f"{path.name}: has no columns of poses; name them ProbeToTrackerTransform, Probe_m00 to Probe_m33, "
-            "or Probe_qw, Probe_qx, Probe_qy, Probe_qz, Probe_x, Probe_y, Probe_z"
-        )
-    times, notes = times_of(table)
+    # Rows are of tools by name only where no column is of one.
+    parts = rows_by_tool(table) if [*tools] == [""] else {}
+    parts = parts or {path.stem: table}
+    found = [(one, part) for stem, part in parts.items() for one in _tools(part, tools, stem, angles)]
+    if not found:
+        raise _without_poses(table)
+    if len(parts) > 1:
+        stamps = [times_of(part)[0] for _, part in found]
+        poses, times = joined_in_time(path.name, [one for one, _ in found], stamps)
+    else:
+        poses, times = [one for one, _ in found], times_of(table)[0]
     units = {
         column.unit for columns in tools.values() for column in columns.values() if column.part == "place"
     }
-    read_as = {"m": "metres", "cm": "centimetres"}.get(units.pop() if len(units) == 1 else "", "millimetres")
-    provenance = Provenance(path.name, "CSV of poses", (str(path),), read_as)
-    return Recording(times=times, poses=poses, provenance=provenance, diagnostics=notes)
+    read_as = READ_AS.get(units.pop() if len(units) == 1 else "", "millimetres")
+    return Recording(
+        times=times,
+        poses=by_name(poses, path.name),
+        provenance=Provenance(path.name, "CSV of poses", (str(path),), read_as),
+        diagnostics=times_of(table)[1],
+    )
 
 
 def _tools(table: Table, tools: Mapping[str, Columns], stem: str, angles: str | None) -> Iterator[Poses]:
-    statuses = _statuses(table.header)
+    statuses = status_columns(table.header)
     for column in table.header:
         if match := TRANSFORM.fullmatch(column):
-            yield _with_status(
-                table, statuses, _from_cells(table, column, match[1], match[2]), f"{column}Status"
-            )
+            cells = _from_cells(table, column, match[1], match[2])
+            yield with_status(table, statuses, cells, column)
     for tool, columns in tools.items():
-        source, target = _names(tool or stem)
-        if ("quaternion", "w") in columns:
-            numbers = _numbers(table, columns, "quaternion", "wxyz")
-        elif ("angle", "x") in columns:
-            numbers = _quaternions(table, columns, angles)
-        else:
-            if ("matrix", "00") in columns:
-                poses = _from_matrix(table, columns, source, target)
-                yield _with_status(table, statuses, poses, f"{tool}_status")
-            continue
-        poses = poses_from_quaternions(numbers, _places(table, columns), source, target, table.name)
-        yield _with_status(table, statuses, poses, f"{tool}_status")
+        poses = _tool(table, columns, _names(tool or stem), angles)
+        if poses is not None:
+            yield with_status(table, statuses, poses, tool, alone=len(tools) == 1)
+
+
+def _tool(table: Table, columns: Columns, names: tuple[str, str], angles: str | None) -> Poses | None:
+    """The poses of one tool; None where its columns turn nothing."""
+    parts = {part for part, _ in columns}
+    if "quaternion" in parts:
+        numbers = _numbers(table, columns, "quaternion", "wxyz")
+    elif "angle" in parts:
+        numbers = _quaternions(table, columns, angles)
+    else:
+        return _from_matrix(table, columns, *names) if "matrix" in parts else None
+    return poses_from_quaternions(numbers, _places(table, columns), *names, table.name)
+
+
+def _without_poses(table: Table) -> FormatError:
+    """That no column turns anything, and what to call those that do."""
+    for column in table.header:
+        if found := re.search(r"roll|pitch|yaw", column, re.IGNORECASE):
+            return FormatError(
+                f"{table.name}, line 1, column {column[:40]}: {found[0].lower()} is about another axis with every "
+                "maker; name the angles by the axes that they turn about, such as Probe_ZYX_rx_deg"
+            )
+    return FormatError(
+        f"{table.name}: has no columns of poses; name them ProbeToTrackerTransform, Probe_m00 to Probe_m33, "
+        "or Probe_qw, Probe_qx, Probe_qy, Probe_qz, Probe_x, Probe_y, Probe_z"
+    )
 
 
 def _from_cells(table: Table, column: str, source: str, target: str) -> Poses:
@@ -129,7 +156,7 @@ def _words(cell: str) -> list[str]:
     words = [word.strip(",;") for word in cell.split()]
     if len(words) == 16 and "." not in cell:
         return [word.replace(",", ".") for word in words]
-    return re.split(r"[\s;,]+", cell.strip())
+    return re.sub(r"[\s;,\[\]()]+", " ", cell).split()
 
 
 def _from_matrix(table: Table, columns: Columns, source: str, target: str) -> Poses:
@@ -158,11 +185,18 @@ def _quaternions(table: Table, columns: Columns, angles: str | None) -> Array:
         )
     if len(units := {columns["angle", axis].unit for axis in "xyz"}) > 1:
         raise InputError(f"{table.name}, line 1: its angles are in {' and '.join(sorted(units))}; write one")
+    if first.unit == "rad":
+        say = (
+            f"call it {first.name.removesuffix('rad')}deg"
+            if first.name.endswith("rad")
+            else "say deg in the names"
+        )
+        refuse_degrees(numbers, f"{table.name}, line 1, column {first.name}", say)
     return quaternions_from_angles(np.deg2rad(numbers) if first.unit == "deg" else numbers, meaning)
 
 
 def _places(table: Table, columns: Columns) -> Array:
-    if ("place", "x") not in columns:
+    if all(part != "place" for part, _ in columns):
         beside = next(iter(columns.values()))
         raise InputError(
             f"{table.name}, line 1: lacks the column {_place_beside(beside)} beside {beside.name}"
@@ -177,7 +211,7 @@ def _place_beside(column: PoseColumn) -> str:
 
 def _numbers(table: Table, columns: Columns, part: Part, axes: Iterable[str]) -> Array:
     axes = tuple(axes)
-    first = columns[part, axes[0]]
+    first = next(column for (of, _), column in columns.items() if of == part)
     if missing := [axis for axis in axes if (part, axis) not in columns]:
         raise InputError(
             f"{table.name}, line 1: lacks the column {first.beside(missing[0])} beside {first.name}"
@@ -188,24 +222,6 @@ def _numbers(table: Table, columns: Columns, part: Part, axes: Iterable[str]) ->
 def _names(tool: str) -> tuple[str, str]:
     match = re.fullmatch(r"(.+?)To([A-Z0-9_].*)", tool)
     return (match[1], match[2]) if match else (tool, "Tracker")
-
-
-def _statuses(header: Iterable[str]) -> dict[str, str]:
-    """The columns of status by their plain names."""
-    return {_plain(name): name for name in header if name[-len("status") :].lower() == "status"}
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[ ._:/-]", "_", name).strip("_").lower()
-
-
-def _with_status(table: Table, statuses: Mapping[str, str], poses: Poses, name: str) -> Poses:
-    column = statuses.get(_plain(name))
-    if column is None:
-        return poses
-    status = tuple(map(str, table.text(column)))
-    good = np.array([text.lower() in OK for text in status])
-    return Poses(poses.source, poses.target, poses.matrices, poses.valid & good, status)
 
 
 def is_pose_column(name: str) -> bool:

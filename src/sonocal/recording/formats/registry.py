@@ -12,7 +12,7 @@ from typing import Any
 from sonocal.errors import FormatError, InputError, UnsupportedError, require
 from sonocal.files import path_of
 from sonocal.files.elsewhere import refuse_other_kind
-from sonocal.files.kinds import Format, Head, recognise, refuse_container, suffixes_of
+from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head, recognise, refuse_container, suffixes_of
 from sonocal.recording.formats import (
     c3d,
     dicom,
@@ -33,7 +33,7 @@ from sonocal.recording.formats import (
 )
 from sonocal.recording.formats.parts.angles import check_angles
 from sonocal.recording.joining import join_several, with_latency
-from sonocal.recording.markers import Markers
+from sonocal.recording.markers import Markers, check_markers
 from sonocal.recording.model import Recording
 from sonocal.recording.poses import OnInvalid
 
@@ -88,7 +88,7 @@ def read_recording(
         UnsupportedError: it is a kind of file that sonocal does not read.
     """
     path = path_of(path)
-    told = {"angles": angles and check_angles(angles), "markers": tuple(markers)}
+    told = {"angles": angles and check_angles(angles), "markers": check_markers(markers)}
     found = _recognised(path)
     images = _read(found, path, told)
     files = _files(poses) if poses is not None else [] if images.poses else _poses_beside(path, found)
@@ -103,8 +103,21 @@ def read_recording(
 
 def _read(found: Format, path: Path, told: Mapping[str, Any]) -> Recording:
     """The recording in a file, whose format is told what it asks for."""
+    if found is image_folder.FORMAT:
+        _refuse_folder_of_recordings(path)
     recording: Recording = found.read(path, **{name: told[name] for name in found.options if told[name]})
     return recording
+
+
+def _refuse_folder_of_recordings(folder: Path) -> None:
+    """Refuse a folder without images that holds recordings, by their names: its files are meant, one at a time."""
+    if any(image_folder.images_in(folder)):
+        return
+    suffixes = {suffix for one in FORMATS for suffix in one.suffixes} - set(TABLE_SUFFIXES)
+    if names := [path.name for path in sorted(folder.iterdir()) if path.suffix.lower() in suffixes]:
+        raise InputError(
+            f"{folder.resolve().name}: is a folder without images; name a recording in it: {', '.join(names)[:200]}"
+        )
 
 
 def _files(poses: str | Path | Sequence[str | Path]) -> list[Path]:

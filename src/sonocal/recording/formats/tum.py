@@ -16,8 +16,10 @@ from sonocal.errors import FormatError, InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import Format, Head
 from sonocal.files.tables import is_number
+from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.pose_columns import in_mm
+from sonocal.recording.formats.parts.stamps import PER_SECOND, UNIT_NAMES, unit_by_size
 from sonocal.recording.model import Provenance, Recording
 from sonocal.recording.poses import by_name, poses_from_quaternions
 
@@ -41,8 +43,22 @@ def read_tum(path: Path) -> Recording:
         raise InputError(f"{path.name}: a time is not finite; write seconds")
     quaternions = np.roll(table[:, 4:], 1, axis=1)
     poses = poses_from_quaternions(quaternions, in_mm(table[:, 1:4], MM), path.stem, "Tracker", path.name)
-    provenance = Provenance(path.name, "TUM trajectory", (str(path),), "metres")
-    return Recording(times=table[:, 0].copy(), poses=by_name([poses], path.name), provenance=provenance)
+    unit, why = unit_by_size(table[:, 0])
+    return Recording(
+        times=table[:, 0] / PER_SECOND[unit],
+        poses=by_name([poses], path.name),
+        provenance=Provenance(path.name, "TUM trajectory", (str(path),), "metres"),
+        diagnostics=() if unit == "s" else (_note(unit, why),),
+    )
+
+
+def _note(unit: str, why: str) -> Diagnostic:
+    return Diagnostic(
+        code="time-unit",
+        severity="info",
+        message=f"times: they were read as {UNIT_NAMES[unit]}, {why}, where a TUM trajectory has seconds",
+        advice="if that is not so, write seconds",
+    )
 
 
 def _table(name: str, text: str) -> Array:
@@ -64,7 +80,8 @@ def _table(name: str, text: str) -> Array:
 def _sniff(head: Head) -> bool:
     # Commas make a table, whose header is missed; and the head may end within its first line.
     words = head.words
-    return len(words) == NUMBERS and len(head.columns) == 1 and all(map(is_number, words))
+    blank = len(head.columns) == 1 or "\t" in head.header_line
+    return len(words) == NUMBERS and blank and all(map(is_number, words))
 
 
 FORMAT = Format(

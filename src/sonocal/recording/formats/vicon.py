@@ -27,7 +27,7 @@ from sonocal.files.separators import separator_of
 from sonocal.files.tables import cells_to_numbers, csv_lines, is_number
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles
+from sonocal.recording.formats.parts.angles import ANGLES, quaternions_from_angles, refuse_degrees
 from sonocal.recording.formats.parts.pose_columns import in_mm
 from sonocal.recording.markers import Markers, bodies_from_markers
 from sonocal.recording.model import Provenance, Recording
@@ -37,6 +37,7 @@ __all__ = ["FORMAT", "read_vicon"]
 
 BODIES, MARKERS = ("Objects", "Segments"), "Trajectories"
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+RAD_PER_UNIT = {"deg": np.pi / 180, "rad": 1.0}
 NO_NOTES: list[Diagnostic] = []
 # Lines above the numbers: title, rate, names, axes, units.
 ABOVE = 5
@@ -89,12 +90,26 @@ class _Section:
             InputError: its unit is none of a length.
         """
         numbers = self.part(name, axes)
-        unit = self.columns[name, axes[0]][1]
+        unit = self.columns[name, axes[0]][1].lower()
         if unit not in MM_PER_UNIT:
             raise InputError(
                 f"{self.name}: the unit of {name} {axes[0]} is {unit[:40]!r}; export mm, cm or m"
             )
         return in_mm(numbers, MM_PER_UNIT[unit])
+
+    def rad_per_unit(self, name: str) -> float:
+        """Of the angles of a name.
+
+        Raises:
+            InputError: their unit is none of an angle.
+        """
+        unit = self.columns[name, THREE[0]][1].lower()
+        if unit not in RAD_PER_UNIT:
+            raise InputError(
+                f"{self.name}: the unit of {name} {THREE[0]} is {unit[:40]!r}, and its angles may be degrees or "
+                "radians; export deg or rad"
+            )
+        return RAD_PER_UNIT[unit]
 
 
 def read_vicon(path: Path, angles: str | None = None, markers: Markers = ()) -> Recording:
@@ -180,8 +195,10 @@ def _bodies(section: _Section, angles: str | None) -> Iterator[Poses]:
             )
         else:
             numbers = section.part(name, THREE)
-            degrees = section.columns[name, "RX"][1] == "deg"
-            turns = quaternions_from_angles(np.deg2rad(numbers) if degrees else numbers, angles)
+            scale = section.rad_per_unit(name)
+            if scale == 1.0:
+                refuse_degrees(numbers, f"{section.name}: the rotation of {name}", "write deg as their unit")
+            turns = quaternions_from_angles(scale * numbers, angles)
         subject, body = _tool(name)
         tool = body if short[body] == 1 else subject + body
         yield poses_from_quaternions(turns, places, tool, "Tracker", section.name)
@@ -194,9 +211,9 @@ def _tool(name: str) -> tuple[str, str]:
 
 
 def _separator(text: str) -> str:
-    """By the line of names, which is the first with more than one cell."""
-    third = text.split("\n", 3)[2:3]
-    return separator_of(third[0]) if third else ","
+    """By the line of axes: the line of names above it may have one name between blank cells."""
+    fourth = text.split("\n", 4)[3:4]
+    return separator_of(fourth[0]) if fourth else ","
 
 
 def _sniff(head: Head) -> bool:

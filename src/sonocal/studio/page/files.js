@@ -31,15 +31,30 @@ async function open(name, targets) {
   tell(told.refused || "");
 }
 
+/** Calibrations by their names; a device set may hold wires, and is compared with where it is chosen for that. */
+const CALIBRATION = /\.(json|tfm|npy|npz)$/i;
+
+/** @param {Iterable<File>} files */
+async function compare(files) {
+  for (const file of files) {
+    const other = await upload(file, file.name);
+    if (!other) return;
+    const answer = await fetch("/compare", { method: "POST", body: JSON.stringify({ other }) }), told = await answer.json();
+    tell(told.refused || "");
+  }
+}
+
 /** @param {Iterable<File>} files */
 export async function take(files) {
-  let targets = null;
+  let targets = null, opened = false;
   for (const file of files) {
+    if (CALIBRATION.test(file.name)) { await compare([file]); continue; }
     const name = await upload(file, file.name);
     if (!name) return;
+    opened = true;
     if (/\.(toml|xml)$/i.test(name)) targets = name; else if (!/\.(raw|zraw)$/i.test(name)) source = name;
   }
-  if (source || state.work.name) await open(source || state.work.name, targets);
+  if (opened && (source || state.work.name)) await open(source || state.work.name, targets);
 }
 
 export async function exportAll() {
@@ -54,6 +69,8 @@ export function drawFiles() {
   drawnFor = key;
   const choose = /** @type {HTMLInputElement} */ (el("input")); choose.type = "file"; choose.multiple = true; choose.id = "choose"; choose.onchange = () => take(choose.files || []);
   const label = el("label", "Recording or table, and needle.toml: "); label.append(choose);
+  const other = /** @type {HTMLInputElement} */ (el("input")); other.type = "file"; other.id = "compare"; other.onchange = () => compare(other.files || []);
+  const beside = el("label", "A calibration to compare with (.json, .xml, .tfm, .h5, a 4 x 4): "); beside.append(other);
   const text = /** @type {HTMLTextAreaElement} */ (el("textarea", "")); text.value = needle; text.id = "needle"; text.oninput = () => { needle = text.value; check(); };
   const editor = el("details", "", [el("summary", "What was scanned: needle or targets")]), note = el("p"), use = /** @type {HTMLButtonElement} */ (el("button", "Use this needle"));
   const caption = el("label", "In millimetres, in the frame of the needle's marker", [text]); note.className = "quiet"; use.type = "button"; use.id = "use-needle";
@@ -61,7 +78,7 @@ export function drawFiles() {
   use.onclick = async () => { const name = await upload(new Blob([needle]), "needle.toml"); if (name && state.work.name) await open(state.work.name, name); };
   editor.append(caption, note, use); if (state.work.frames && !(state.work.targets || []).length) editor.setAttribute("open", ""); check();
   const out = state.exported ? [el("p", state.exported.folder), el("ul", "", state.exported.files.map((/** @type {string} */ name) => { const a = /** @type {HTMLAnchorElement} */ (el("a", name)); a.href = `/files/${encodeURIComponent(name)}`; a.download = name; return el("li", "", [a]); }))] : [];
-  box.replaceChildren(label, editor, ...out);
+  box.replaceChildren(label, editor, beside, ...out);
 }
 
 export function listenToDrops() {

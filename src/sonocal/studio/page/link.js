@@ -39,6 +39,7 @@ function heard(message) {
     case "candidates": state.candidates = message.places; break;
     case "marks": state.marks = message.marks; state.undoable = message.undoable; state.revision = message.revision; break;
     case "answer": state.answer = message; break;
+    case "beside": state.beside = message; break;
     case "tool": state.tool = message; break;
     case "live": state.live = message; break;
     case "exported": state.notice = message.said = `Exported ${message.files.length} files into ${message.folder}`; state.exported = message; break;

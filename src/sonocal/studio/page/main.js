@@ -15,7 +15,7 @@ import { drawScene, listenToScene } from "./scene.js";
 import { followSlices } from "./slices.js";
 import { markAt, onChange, state } from "./state.js";
 import { listenToTour } from "./tour.js";
-import { drawFindings, drawHead, drawNumbers, drawVerdict, el } from "./words.js";
+import { drawBeside, drawFindings, drawHead, drawNumbers, drawVerdict, el } from "./words.js";
 
 history.replaceState(null, "", "/"); // the key was good once
 
@@ -30,11 +30,12 @@ const ANEW = {
   candidates: [drawFrame],
   playing: [drawPlace, drawCharts],
   progress: [drawVerdict],
+  beside: [drawBeside],
   tool: [drawTool, drawPath],
   live: [drawLive, () => drawChanged([drawHead, drawVerdict, drawScene])],
   answer: [drawFrame, drawHead, drawPath, drawVerdict, drawNumbers, drawFindings, drawResiduals, drawScene, drawCoverage, drawButtons],
 };
-const ALL = [drawLive, followFrames, followSlices, drawHead, drawPath, drawTool, drawAsked, drawFilm, drawPlace, drawFrame, drawVerdict, drawNumbers, drawFindings, drawFiles, drawResiduals, drawScene, drawCoverage, drawButtons, drawTargets];
+const ALL = [drawLive, followFrames, followSlices, drawHead, drawPath, drawTool, drawAsked, drawFilm, drawPlace, drawFrame, drawVerdict, drawNumbers, drawBeside, drawFindings, drawFiles, drawResiduals, drawScene, drawCoverage, drawButtons, drawTargets];
 
 /** The charts' own marks of the frame; while frames play, a few times a second: the frames come first. */
 function drawCharts() {

@@ -16,6 +16,7 @@ export const state = {
   connection: "opening",
   notice: "",
   /** @type {any} */ exported: null,
+  /** How far another calibration is from this one; null without one. @type {any} */ beside: null,
   /** What was found of the needle's tip and axis. @type {any} */ tool: null,
   /** How a scan that goes on stands; null without one. @type {any} */ live: null,
 };

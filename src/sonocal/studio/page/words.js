@@ -32,6 +32,15 @@ export function drawNumbers() {
   by("numbers").dataset.revision = String(state.answer?.revision ?? "");
 }
 
+/** Another calibration beside this one. */
+export function drawBeside() {
+  const box = by("beside"), told = state.beside;
+  box.hidden = !told;
+  if (!told) return;
+  const said = told.refused ? [told.refused] : told.sentences.length ? told.sentences : ["is compared once there is a calibration."];
+  box.replaceChildren(el("h2", `Compared with ${told.name}`), ...said.map((/** @type {string} */ one) => el("p", typeset(one))));
+}
+
 /** @param {any[]} found @returns {Node[]} each to be opened for what to do */
 export function findingsOf(found) { return found.map((one) => { const d = el("details", "", [el("summary", typeset(one.message)), el("p", one.advice), el("p", one.code)]); d.className = one.severity; return d; }); }
 

@@ -9,12 +9,14 @@ import numpy as np
 from sonocal.errors import InputError
 from sonocal.geometry import Array
 
-__all__ = ["ANGLES", "check_angles", "quaternions_from_angles"]
+__all__ = ["ANGLES", "check_angles", "quaternions_from_angles", "refuse_degrees"]
 
 ANGLES = (
     "ZYX or another order of axes (capitals: each turn about the tool's own axes as turned so far; small: about the "
     "tracker's), or vector (axis times angle)"
 )
+# Angles that are not brought into one turn may count a few.
+MOST_RAD = 20.0
 ORDER = re.compile(r"(?!.*(.).*\1)([xyz]{3}|[XYZ]{3})")
 
 
@@ -27,6 +29,25 @@ def check_angles(angles: str) -> str:
     if angles != "vector" and not ORDER.fullmatch(angles):
         raise InputError(f"{angles[:40]!r} is no meaning of three angles; give {ANGLES}")
     return angles
+
+
+def refuse_degrees(stated_rad: Array, where: str, instead: str) -> None:
+    """Refuse angles that are said to be radians and turn as far round as only degrees do.
+
+    Args:
+        stated_rad: (N, 3).
+        where: the file and the column, for the message.
+        instead: how they are said to be degrees.
+
+    Raises:
+        InputError: they do.
+    """
+    most = float(np.abs(stated_rad[np.isfinite(stated_rad)]).max(initial=0.0))
+    if most > MOST_RAD:
+        raise InputError(
+            f"{where}: reaches {most:.4g} rad, {most / (2 * np.pi):.0f} turns; are these degrees? {instead}; angles "
+            "that count so many turns are brought into one"
+        )
 
 
 def quaternions_from_angles(xyz_rad: Array, angles: str) -> Array:

@@ -79,7 +79,7 @@ class Archive(Home):
     def __init__(self, path: Path, suffix: str, what: str) -> None:
         self.name, self._path = path.name, path
         with self._opened() as archive:
-            found = [one for one in archive.infolist() if one.filename.lower().endswith(suffix)]
+            found = [one for one in archive.infolist() if _is_document(one.filename, suffix)]
             if len(found) != 1:
                 raise InputError(f"{self.name}: has {len(found)} files {suffix} where {what} has one")
             self._document = PurePosixPath(found[0].filename)
@@ -153,3 +153,8 @@ class Archive(Home):
             raise InputError(
                 f"{self.name}: cannot be unpacked to {tempfile.gettempdir()} ({error.strerror}); make room there"
             ) from None
+
+
+def _is_document(name: str, suffix: str) -> bool:
+    """Whether a file of an archive is a document; Macs put one ``._name`` of their own beside each file."""
+    return name.lower().endswith(suffix) and not PurePosixPath(name).name.startswith("._")

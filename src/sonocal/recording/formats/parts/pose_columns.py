@@ -15,7 +15,7 @@ from sonocal.geometry import Array
 __all__ = ["MM_PER_UNIT", "Part", "PoseColumn", "in_mm", "pose_column", "tools_in"]
 
 Part = Literal["quaternion", "place", "matrix", "angle"]
-MM_PER_UNIT = {"": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0}
+MM_PER_UNIT = {"": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
 BETWEEN = r"[ ._:/-]"
 NAME = re.compile(
     rf"""(?:(?P<tool>.*?){BETWEEN}+)?
@@ -24,13 +24,14 @@ NAME = re.compile(
       |(?P<matrix>m)(?=[0-3][0-3])
       |(?P<angle>r_?)(?=[xyz]))
     (?P<axis>[wxyz]|[0-3][0-3])
-    (?P<after>[ _]*[\[(]?(?P<unit>mm|cm|m|deg|rad)[\])]?)?""",
+    (?P<after>[ _]*[\[(]?(?P<unit>mm|cm|um|in|m|deg|rad)[\])]?)?""",
     re.VERBOSE | re.IGNORECASE,
 )
 STATED = re.compile(rf"(?:(?P<tool>.+?){BETWEEN}+)?(?P<angles>[xyz]{{3}}|[XYZ]{{3}}|vector)")
 # Longer names are no column's of a pose; a pattern takes the square of how many separators it meets.
 LONGEST = 120
-# What ROS and others write where a file holds one tool.
+# What ROS and others write where a file holds one tool. The names of `rostopic echo -p` are of ROS alone: metres.
+FROM_ROS = "field."
 NAMELESS = {"pose", "transform", "field.pose", "field.pose.pose", "pose.pose", "field.transform"}
 
 
@@ -79,6 +80,8 @@ def pose_column(name: str) -> PoseColumn | None:
         tool, angles = stated["tool"] or "", stated["angles"]
     if not _fits(part, match["axis"], unit):
         return None
+    if part == "place" and name.startswith(FROM_ROS):
+        unit = unit or "m"
     tool = "" if tool.lower() in NAMELESS else tool
     around = (name[: match.start("axis")], name[match.end("axis") :])
     return PoseColumn(name, tool, part, match["axis"].lower(), unit, angles, around)

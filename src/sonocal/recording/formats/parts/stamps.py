@@ -9,11 +9,11 @@ from datetime import UTC, datetime
 import numpy as np
 
 from sonocal.errors import InputError
-from sonocal.files.tables import Table
+from sonocal.files.tables import Table, is_number
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 
-__all__ = ["time_column", "times_of"]
+__all__ = ["PER_SECOND", "UNIT_NAMES", "time_column", "times_of", "unit_by_size"]
 
 # These before others, in this order: a table may have several.
 FIRST = ("timestamp", "time_s", "time_seconds", "time", "t")
@@ -24,7 +24,7 @@ WORDS = {
     "us": ("us", "\u00b5s", "\u03bcs", "usec", "usecs", "micros", "microsecond", "microseconds"),
     "ns": ("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"),
 }
-NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+UNIT_NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 UNIT_OF = {word: unit for unit, words in WORDS.items() for word in words}
 COLUMN = re.compile(
     r"%?(?:\w{1,20}_)?(?:time_?stamps?|times?|stamp|epoch|datetime|t)(?:_(?P<unit>[a-z\u00b5\u03bc]{1,12}))?"
@@ -35,6 +35,8 @@ EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 # Whole numbers so far apart are no seconds between two poses of a tracker, which gives ten or more a second.
 STEPS = ((3e6, "ns"), (3e3, "us"), (3.0, "ms"))
 DATE = re.compile(r"\d{4}-?\d\d-?\d\d[T ]")
+CLOCK = re.compile(r"T?(\d\d?):(\d\d):(\d\d(?:[.,]\d{1,9})?)")
+DAY_S = 86400.0
 
 
 def time_column(header: Iterable[str]) -> str | None:
@@ -56,9 +58,15 @@ def times_of(table: Table) -> tuple[Array, tuple[Diagnostic, ...]]:
     if column is None:
         return np.full(len(table.lines), np.nan), ()
     cells = table.columns[column]
-    if cells and DATE.match(cells[0].strip()):
+    first = cells[0].strip() if cells else ""
+    if DATE.match(first):
         times = _dates(table, column)
         return times, (_note(f"{column} holds dates (ISO 8601), read as seconds since 1970", column),)
+    if CLOCK.fullmatch(first):
+        times = _clock(table, column)
+        return times, (_note(f"{column} holds times of day, read as seconds since midnight", column),)
+    if first and not is_number(first.replace(",", ".")):
+        raise _no_time(table, column, 0, "seconds, or")
     times = table.numbers(column)
     if not np.isfinite(times).all():
         row = int(np.flatnonzero(~np.isfinite(times))[0])
@@ -67,8 +75,8 @@ def times_of(table: Table) -> tuple[Array, tuple[Diagnostic, ...]]:
         )
     unit, why = _unit(_plain(column)) or "", "by its name"
     if not unit:
-        unit, why = _by_size(times)
-    notes = () if unit == "s" else (_note(f"{column} was read as {NAMES[unit]}, {why}", column),)
+        unit, why = unit_by_size(times)
+    notes = () if unit == "s" else (_note(f"{column} was read as {UNIT_NAMES[unit]}, {why}", column),)
     return times / PER_SECOND[unit], notes
 
 
@@ -87,12 +95,12 @@ def _unit(name: str) -> str | None:
     return UNIT_OF.get(match["unit"])
 
 
-def _by_size(times: Array) -> tuple[str, str]:
-    """The unit of times whose column does not say it, and why."""
+def unit_by_size(times: Array) -> tuple[str, str]:
+    """The unit of times of which nothing says it, and why; nothing to say of seconds."""
     middle = float(np.median(np.abs(times)))
     for least, unit in EPOCHS:
         if middle >= least:
-            return unit, f"since {middle:.0f} {NAMES[unit]} after 1970 is a date of these years"
+            return unit, f"since {middle:.0f} {UNIT_NAMES[unit]} after 1970 is a date of these years"
     steps = np.diff(times)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     if (times == np.round(times)).all():
@@ -109,11 +117,31 @@ def _dates(table: Table, column: str) -> Array:
             stamp = datetime.fromisoformat(cell.strip())
             times[row] = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
         except (ValueError, OverflowError):
-            raise InputError(
-                f"{table.name}, line {table.lines[row]}, column {column}: {cell.strip()[:40]!r} is not a date and "
-                "time; write such as 2024-05-01T12:00:00.25"
-            ) from None
+            raise _no_time(table, column, row) from None
     return times
+
+
+def _clock(table: Table, column: str) -> Array:
+    """Times of day, s since the midnight before the first: after midnight they go on."""
+    times = np.empty(len(table.lines))
+    for row, cell in enumerate(table.columns[column]):
+        match = CLOCK.fullmatch(cell.strip())
+        if match is None:
+            raise _no_time(table, column, row)
+        hours, minutes, seconds = int(match[1]), int(match[2]), float(match[3].replace(",", "."))
+        if hours > 23 or minutes > 59 or seconds >= 61:
+            raise _no_time(table, column, row)
+        times[row] = 3600 * hours + 60 * minutes + seconds
+    midnights = np.cumsum(np.diff(times, prepend=times[:1]) < -DAY_S / 2)
+    return np.asarray(times + DAY_S * midnights)
+
+
+def _no_time(table: Table, column: str, row: int, numbers: str = "") -> InputError:
+    cell = table.columns[column][row].strip()[:40]
+    return InputError(
+        f"{table.name}, line {table.lines[row]}, column {column}: {cell!r} is not a date and time; write "
+        f"{numbers + ' ' if numbers else ''}such as 2024-05-01T12:00:00.25"
+    )
 
 
 def _note(message: str, column: str) -> Diagnostic:
