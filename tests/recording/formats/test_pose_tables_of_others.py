@@ -51,6 +51,35 @@ def test_what_a_column_says_does_not_hold_is_invalid(tmp_path_factory, name, see
     assert probe.status == tuple(said)
 
 
+@pytest.mark.parametrize(
+    "name", ["Probe_invalid", "Probe.isOccluded", "Probe Lost", "Probe_untracked", "invisible"]
+)
+@given(
+    seed=SEEDS,
+    lost=st.lists(st.booleans(), min_size=N, max_size=N),
+    words=st.sampled_from(["01", ("", "Yes")]),
+)
+def test_what_a_column_says_is_lost_is_invalid(tmp_path_factory, name, seed, lost, words):
+    path = tmp_path_factory.mktemp("poses") / "a.csv"
+    header = ["t", *(f"Probe_{k}" for k in (*TURN, *PLACE)), name]
+    matrices = random_poses(np.random.default_rng(seed), N)
+    rows = [[*row, words[one]] for row, one in zip(rows_of(matrices), lost, strict=True)]
+    probe = read_recording(written(path, header, rows)).poses["tracker_from_probe"]
+    assert (~probe.valid).tolist() == lost
+
+
+@pytest.mark.parametrize("word", ["2", "OK"])
+def test_a_word_in_a_column_of_what_is_lost_that_says_neither_is_refused(tmp_path, word):
+    header = ["t", *(f"Probe_{k}" for k in (*TURN, *PLACE)), "Probe_lost"]
+    rows = [
+        [*row, "0" if i else word] for i, row in enumerate(rows_of(random_poses(np.random.default_rng(0), N)))
+    ]
+    with pytest.raises(
+        InputError, match=rf"line 2, column Probe_lost: '{word}' does not say .* write 0 or false where"
+    ):
+        read_recording(written(tmp_path / "a.csv", header, rows))
+
+
 def test_words_that_do_not_say_whether_a_pose_holds_are_refused(tmp_path):
     header = ["t", *(f"Probe_{k}" for k in (*TURN, *PLACE)), "Probe_status"]
     rows = [[*row, "recording"] for row in rows_of(random_poses(np.random.default_rng(0), N))]

@@ -1,4 +1,4 @@
-"""Columns that say of each pose of a table whether it holds: ``Probe_status``, ``Probe_valid``, ``Probe_visible``."""
+"""Columns that say of each pose of a table whether it holds: ``Probe_status``, ``Probe_valid``, ``Probe_lost``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,12 @@ from sonocal.recording.poses import Poses
 __all__ = ["status_columns", "with_status"]
 
 # What a column's name ends with. PLUS's own, of a matrix in a cell, knows one word that holds; others have many.
-ENDS = re.compile(r"(?P<of>.*?)_?(?:is_?)?(?P<word>status|(?<!in)valid|visible|tracked)")
+ENDS = re.compile(
+    r"(?P<of>.*?)_?(?:is_?)?(?P<word>status|(?<!in)valid|(?<!in)visible|(?<!un)tracked|invalid|invisible|untracked|lost|occluded)"
+)
+# Of these a pose holds where the column says no.
+DENIALS = ("invalid", "invisible", "untracked", "lost", "occluded")
+NO, YES = {"", "0", "0.0", "false", "no"}, {"1", "1.0", "true", "yes"}
 PLUS_S = "transformstatus"
 GOOD = {"ok", "1", "1.0", "true", "valid", "tracked", "visible", "yes", "good"}
 BAD = {
@@ -65,13 +70,15 @@ def with_status(
         return poses
     status = tuple(map(str, table.text(column)))
     words = [text.lower() for text in status]
-    good = np.array([word in GOOD for word in words])
-    if not good.any() and not _plain(column).endswith(PLUS_S):
-        row = next((row for row, word in enumerate(words) if word not in BAD), None)
+    denies = _plain(column).endswith(DENIALS)
+    good = np.array([word in (NO if denies else GOOD) for word in words])
+    if denies or (not good.any() and not _plain(column).endswith(PLUS_S)):
+        known = NO | YES if denies else BAD
+        row = next((row for row, word in enumerate(words) if word not in known), None)
         if row is not None:
             raise InputError(
                 f"{table.name}, line {table.lines[row]}, column {column}: {status[row][:40]!r} does not say whether a "
-                "pose holds; write OK, 1 or true where it does, or rename the column"
+                f"pose holds; write {'0 or false' if denies else 'OK, 1 or true'} where it does, or rename the column"
             )
     return Poses(poses.source, poses.target, poses.matrices, poses.valid & good, status)
 
