@@ -1,5 +1,6 @@
 """No command loses a file: what is read stays, what is there stays unless told, and runs do not mix."""
 
+import os
 import shutil
 
 import pytest
@@ -173,6 +174,15 @@ def test_a_refused_recording_leaves_an_earlier_calibration_as_it_was(here):
     assert refused.exit_code == 1
     assert contents(here / "out").keys() - before.keys() == {here / "out" / "refused-contact-sheet.png"}
     assert {path: content for path, content in contents(here / "out").items() if path in before} == before
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+@pytest.mark.parametrize("told", [(), ("--overwrite",)])
+def test_a_pipe_is_no_place_for_a_result(here, told):
+    os.mkfifo(here / "pipe.xml")
+    refused = run("export", "calibration.json", "--to", "plus", "-o", "pipe.xml", *told)
+    assert (refused.exit_code, "is a pipe or a device" in refused.output) == (1, True)
+    assert (here / "pipe.xml").is_fifo()
 
 
 def test_pictures_say_what_made_them(tmp_path):

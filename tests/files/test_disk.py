@@ -203,3 +203,15 @@ def test_names_that_the_system_gives_are_names(tmp_path):
         path = tmp_path / name
         path.write_bytes(b"x")
         assert read_bytes(path_of(str(path))) == b"x"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+def test_a_file_takes_no_place_of_a_pipe_or_a_device(tmp_path):
+    pipe, link = tmp_path / "pipe", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    for path in (pipe, link, Path(os.devnull)):
+        with pytest.raises(InputError, match="is a pipe or a device"):
+            write_atomically(path, b"content")
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert link.is_symlink()

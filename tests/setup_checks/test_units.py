@@ -155,3 +155,34 @@ def test_probes_of_high_frequency_are_told_from_centimetres_by_the_trackers_erro
 
 def test_an_area_that_no_scanner_shows_is_doubted():
     assert scan_hints(image_mm=450.0, needle_mm=200.0, marker_mm=200.0, scale=0.9, rms_mm=0.5, dimension=2)
+
+
+def refusal_of(rows):
+    with pytest.raises((sc.DegenerateGeometryError, sc.NoConsensusError)) as refused:
+        sc.calibrate(rows)
+    assert [one.code for one in refused.value.diagnostics][:1] == [CODE]
+    assert "--accept-units" not in str(refused.value)  # nothing is there to go on with
+    return str(refused.value)
+
+
+@pytest.mark.parametrize(("dimension", "axis"), [(2, 0), (2, 1), (3, 2)])
+def test_one_axis_in_shares_of_the_image_leads_the_refusal(dimension, axis):
+    for seed in range(3):
+        rows = scan(seed, dimension=dimension, outliers=0).observations
+        points = rows.points_px.copy()
+        points[:, axis] /= 1.02 * np.abs(points[:, axis]).max()
+        said = refusal_of(dataclasses.replace(rows, points_px=points))
+        assert said.startswith(f"is {'uvw'[axis]} in pixels?")
+        assert f"multiply {'uvw'[axis]} by the image's" in said
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("end", [0, 1])
+def test_one_end_in_metres_leads_the_refusal(end, noise):
+    for seed in range(3):
+        rows = simulate_observations(2, 40, seed=seed, sigma_px=noise, sigma_mm=noise).observations
+        segments = rows.segments_mm.copy()
+        segments[:, end] /= 1000
+        said = refusal_of(dataclasses.replace(rows, segments_mm=segments))
+        assert said.startswith("are both ends of the segments in one unit?")
+        assert f"the {('first', 'second')[end]} ends are 0." in said

@@ -107,13 +107,15 @@ def likeliest_of_image(
     area_px, area_name = area
     if not can_be_tested(fit, noise):
         return None
+    scale = float(fit.transform.scales.mean())
     found = likeliest_distortion(
         mapped,
         fit.inlier,
-        distortions(mapped.table.points, area_px, float(fit.transform.scales.mean())),
+        distortions(mapped.table.points, area_px, scale),
         levels=(noise.sigma_px or 0.0, noise.sigma_mm or 0.0),
         parameters=len(fit.covariance),
         groups=list(groupings.labels.values()),
+        forms_at=lambda points: distortions(points, area_px, scale),
     )
     if found is None or found.p_value > SURE:
         return None

@@ -21,6 +21,7 @@ from sonocal.registration.robust import fit_point_lines
 from sonocal.registration.rows import PointLineRows
 from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.refused import Refused, refusal_findings
+from sonocal.setup_checks.units import units_as_they_stand
 
 __all__ = ["explained", "leading_with"]
 
@@ -33,25 +34,35 @@ def explained(rows: Observations, options: Options) -> Iterator[None]:
     """Within it, a refusal of these rows runs the set-up checks, carries what they find and leads with it."""
     try:
         yield
-    except MirroredVolumeError:  # which says itself what it comes from
-        raise
     except (NoConsensusError, DegenerateGeometryError) as error:
         table = table_of(rows)
-        if _is_degenerate(table):  # whatever else is wrong with them, these rows have no answer
-            raise
-        threshold = options.threshold_mm
-        found = refusal_findings(
-            Refused(
-                observations=rows,
-                table=table,
-                model=options.model,
-                threshold_mm=THRESHOLD_MM if threshold == "auto" else threshold,
-                agreeing=error.best_count if isinstance(error, NoConsensusError) else None,
-            )
-        )
-        found = (*_of_scale(table, options, error), *found)
-        error.explained(found, leading_with(found, str(error)))
+        if isinstance(error, MirroredVolumeError) or _is_degenerate(table):
+            # These say themselves what they come from, unless units made them so.
+            found = tuple(units_as_they_stand(rows, table))
+        else:
+            found = _findings(rows, table, options, error)
+        if found:
+            error.explained((*found, *error.diagnostics), leading_with(found, str(error)))
         raise
+
+
+def _findings(
+    rows: Observations,
+    table: PointLineRows | TargetRows,
+    options: Options,
+    error: NoConsensusError | DegenerateGeometryError,
+) -> tuple[Diagnostic, ...]:
+    threshold = options.threshold_mm
+    found = refusal_findings(
+        Refused(
+            observations=rows,
+            table=table,
+            model=options.model,
+            threshold_mm=THRESHOLD_MM if threshold == "auto" else threshold,
+            agreeing=error.best_count if isinstance(error, NoConsensusError) else None,
+        )
+    )
+    return (*_of_scale(table, options, error), *found)
 
 
 def leading_with(findings: tuple[Diagnostic, ...], refusal: str) -> str:

@@ -10,7 +10,7 @@ from sonocal.calibration.groupings import Groupings
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, area_places
 from sonocal.registration.fit import Fit
-from sonocal.registration.image_distortion import Distortion, likeliest_distortion
+from sonocal.registration.image_distortion import Distortion, likeliest_distortion, side_by_side
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import Noise
 from sonocal.registration.uncertainty import NORMAL_95
@@ -62,13 +62,16 @@ def likeliest_of_slice(
     area_px, area_name = area
     if mapped.table.dimension == 3 or not can_be_tested(fit, noise):
         return None
+    echoes = first_echoes(mapped)
+    chosen = {name: echo[side_by_side(mapped, fit.inlier)] for name, echo in echoes.items()}
     found = likeliest_distortion(
         mapped,
         fit.inlier,
-        first_echoes(mapped),
+        echoes,
         levels=(noise.sigma_px or 0.0, noise.sigma_mm or 0.0),
         parameters=len(fit.covariance),
         groups=list(groupings.labels.values()),
+        forms_at=lambda _: chosen,  # they lean with the needle, wherever it is seen
     )
     # A slice that is thinner than nothing is something else.
     if found is None or found.p_value > SURE or found.size < 0:

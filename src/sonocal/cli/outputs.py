@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from sonocal.errors import InputError
-from sonocal.files import remove, write_into_folder
+from sonocal.files import refuse_device, remove, write_into_folder
 
 __all__ = ["OVERWRITE", "reserve", "reserve_results", "write_results"]
 
@@ -30,7 +30,7 @@ def reserve(*paths: Path, replaced: bool = False, read: Iterable[str] = ()) -> N
         read: files that the command reads beside those that the command line names.
 
     Raises:
-        InputError: a path is what the command reads, or is there already and ``--overwrite`` was not given.
+        InputError: a path is what the command reads, or no file, or is there already and ``--overwrite`` was not given.
     """
     params = click.get_current_context().params
     told = bool(params.get("overwrite"))
@@ -38,6 +38,7 @@ def reserve(*paths: Path, replaced: bool = False, read: Iterable[str] = ()) -> N
     inputs += map(Path, read)
     for path in paths:
         _refuse_input(path, inputs)
+        refuse_device(path)
     for path in paths:
         if os.path.lexists(path) and not (replaced or told):
             remedy = ", or replace it with --overwrite" if "overwrite" in params else ""

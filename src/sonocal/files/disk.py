@@ -137,10 +137,23 @@ def file_beside(header: Path, name: str) -> Path | None:
         return None
 
 
+def refuse_device(path: Path) -> None:
+    """Refuse to write where a pipe or a device is: the file would take its place, /dev/null's even, for everybody.
+
+    Raises:
+        InputError: there is one.
+    """
+    with suppress(OSError):  # which the writing itself will say
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            raise InputError(f"{path}: is a pipe or a device; choose another place")
+
+
 @contextmanager
 def writing(path: str | Path) -> Iterator[BinaryIO]:
-    """A file that appears under its name only when all of it is written."""
+    """A file that appears under its name only when all of it is written; a pipe or a device is none."""
     path = path_of(path)
+    refuse_device(path)
     temporary = None
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")

@@ -8,8 +8,9 @@ import numpy as np
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry.transforms import Array
+from sonocal.geometry.units import GO_ON
 
-__all__ = ["axis_doubt", "odd_axis"]
+__all__ = ["axis_doubt", "end_doubt", "odd_axis"]
 
 # Rows whose segments differ: three factors fit the lengths of three segments, whatever these are.
 FEWEST_SEGMENTS = 10
@@ -18,6 +19,8 @@ FEWEST_SEGMENTS = 10
 RIGID, UNEQUAL = 0.03, 0.1
 # The two other axes are alike, and the odd one is another unit and no error of the tracker's.
 ALIKE, LEAST_FACTOR = 0.05, 1.5
+# Of the other end's: how far an end lies from the origin, and how far it moves, in metres where that is in mm.
+LEAST_END = 0.01
 # Standard errors: an axis of which the lengths do not depend on has no factor.
 SURE = 10.0
 
@@ -68,8 +71,28 @@ def axis_doubt(segments_mm: Array) -> Iterator[Diagnostic]:
             f"is {'xyz'[axis]} in another unit? the needle's segments are {lengths.min():.3g} to {lengths.max():.3g} "
             f"mm long, and all {length_mm:.3g} mm when {'xyz'[axis]} is multiplied by {factor:.3g}"
         ),
-        advice=f"give x, y and z in mm: multiply {'xyz'[axis]} by {factor:.3g}; if they are what they say, go on with "
-        "--accept-units",
+        advice=f"give x, y and z in mm: multiply {'xyz'[axis]} by {factor:.3g}" + GO_ON,
+    )
+
+
+def end_doubt(segments_mm: Array) -> Iterator[Diagnostic]:
+    """The finding, where one end of all segments (N, 2, 3) is in another unit than the other."""
+    if len(segments_mm) < FEWEST_SEGMENTS:
+        return
+    away = np.median(np.linalg.norm(segments_mm, axis=2), axis=0)
+    moved = np.ptp(segments_mm, axis=0).max(axis=1)
+    near, far = int(np.argmin(away)), int(np.argmax(away))
+    # An end that rests at the origin is the tip of a tool in its own frame.
+    if not (moved[near] > 0 and away[near] < LEAST_END * away[far] and moved[near] < LEAST_END * moved[far]):
+        return
+    yield Diagnostic(
+        code="implausible-units",
+        severity="warning",
+        message=(
+            f"are both ends of the segments in one unit? the {('first', 'second')[near]} ends are {away[near]:.2g} mm "
+            f"from the origin in the middle, the {('first', 'second')[far]} ends {away[far]:.3g} mm"
+        ),
+        advice="give both ends in mm" + GO_ON,
     )
 
 

@@ -11,6 +11,7 @@ from sonocal.findings import Diagnostic
 from sonocal.geometry.transforms import Array
 
 __all__ = [
+    "GO_ON",
     "UNITS",
     "UNITS_CODE",
     "Hint",
@@ -24,6 +25,8 @@ __all__ = [
 ]
 
 UNITS_CODE = "implausible-units"
+GO_ON = "; if they are what they say, go on with --accept-units"
+"""With which advice ends, where there is something to go on with."""
 # What mm a unit is, in the order of how often people have it.
 UNITS = {"metres": 1000.0, "centimetres": 10.0, "inches": 25.4, "micrometres": 0.001, "millimetres": 1.0}
 # No scanner shows less or more: 0.02 mm/px is a probe of 20 MHz, 1.5 a large abdomen in a thumbnail.
@@ -62,6 +65,8 @@ NEAR_TIP_MM, TINY_PIVOT_MM, USUAL_TIP_MM = 30.0, 0.08, (50.0, 400.0)
 NEAR_ONE = 0.02
 # Places of images are counted in px from 0; normalised ones end at 1, and a detector may find a little more.
 MOST_NORMALISED = 1.05
+# Images that show anything are wider than this.
+LEAST_IMAGE_PX = 16.0
 # Which unit could be meant is said where it brings one of the numbers into its usual range.
 Range = tuple[float, float]
 
@@ -114,8 +119,7 @@ def unit_doubt(hints: Sequence[Hint], where: str = "", read_as: str = "millimetr
         code="implausible-units",
         severity="warning",
         message=f"{where}{question}? {what}",
-        advice=(other.remedy if other else _remedy(units, read_as))
-        + "; if they are what they say, go on with --accept-units",
+        advice=(other.remedy if other else _remedy(units, read_as)) + GO_ON,
     )
 
 
@@ -168,12 +172,30 @@ def length_hints(points_px: Array, lengths_mm: Array) -> list[Hint]:
                 remedy="multiply u by the image's width in px and v by its height",
             )
         )
+    elif (share := _share_of_one(points_px)) is not None:
+        hints.append(share)
     if not len(lengths_mm):
         return hints
     length = float(np.median(lengths_mm))
     if not LEAST_SPAN_MM <= length <= MOST_SPAN_MM:
         hints.append(Hint(f"segments are {length:.2g} mm long in the middle", length, USUAL_NEEDLE_MM))
     return hints
+
+
+def _share_of_one(points_px: Array) -> Hint | None:
+    """Of places (N, d) of which one axis is counted in shares and another in px."""
+    most = np.abs(points_px).max(axis=0)
+    odd = most <= MOST_NORMALISED
+    if not np.any(odd & (most > 0)) or most.max() < LEAST_IMAGE_PX:
+        return None
+    axis = int(np.argmax(odd & (most > 0)))
+    name, side = "uvw"[axis], ("width", "height", "depth")[axis]
+    return Hint(
+        f"all of {name} is between -1 and 1, as shares of the image are, and {'uvw'[int(np.argmax(most))]} reaches "
+        f"{most.max():.0f}",
+        question=f"is {name} in pixels",
+        remedy=f"multiply {name} by the image's {side} in px",
+    )
 
 
 def scan_hints(

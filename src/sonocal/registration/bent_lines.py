@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array
-from sonocal.registration.image_distortion import repeats, side_by_side
+from sonocal.registration.image_distortion import repeats, side_by_side, taken_up
 from sonocal.registration.mapped import MappedRows
+from sonocal.registration.noise_in_columns import ABOVE_NOISE, noise_beyond
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.registration.whitened import whitened
 
-__all__ = ["Bend", "bend_of"]
+__all__ = ["Bend", "bend_of", "columns_at"]
 
-# Of a column, what the transform does not take up, relative: less is rounding.
+# Of the columns, what the transform does not take up, relative: less is rounding.
 LEAST_SEEN = 1e-3
-# Times the residuals: places along the lines that spread by less are noise, and show nothing that grows along them.
+# Times the residuals: places along the lines that spread by less show nothing that grows along them.
 LEAST_SPREAD = 4.0
 
 
@@ -64,48 +66,45 @@ def bend_of(
     from scipy.special import fdtrc
 
     rows = side_by_side(mapped, chosen)
-    noise_mm = float(np.sqrt(np.mean(mapped.distances[rows] ** 2) / 2.0))
-    if mapped.along_mm[rows].std() < LEAST_SPREAD * noise_mm:
-        return None
-    white = whitened(mapped, rows, _columns(mapped, rows, parameters, levels[0]), levels)
-    by_chance = np.einsum("naj,na->j", white[..., parameters : parameters + 3], white[..., -2])
-    white = white.reshape(2 * len(rows), -1)
-    place = np.repeat(mapped.along_mm[rows] / mapped.lengths_mm[rows], 2)[:, None]
-    known, columns, residuals = white[:, :parameters], place * white[:, parameters:-2], white[:, -1]
+    at = partial(columns_at, mapped, rows, parameters)
+    own = mapped.residuals[rows][:, :, None]
+    together = np.concatenate([at(mapped.table.points[rows]), own], axis=2)
+    white = whitened(mapped, rows, together, levels).reshape(2 * len(rows), -1)
+    known, columns, residuals = white[:, :parameters], white[:, parameters:-1], white[:, -1]
     freedom = len(residuals) - parameters - columns.shape[1]
     if freedom < 1:
         return None
-    basis = np.linalg.qr(known / np.linalg.norm(known, axis=0))[0]
-    beyond, left = (one - basis @ (basis.T @ one) for one in (columns, residuals))
-    sizes = np.linalg.norm(columns, axis=0)
-    if not np.all(sizes > 0) or np.linalg.svd(beyond / sizes, compute_uv=False)[-1] < LEAST_SEEN:
+    basis, taken = taken_up(known, columns)
+    beyond, left = columns - known @ taken, residuals - basis @ (basis.T @ residuals)
+    own, common = noise_beyond(mapped, rows, at, taken, levels)
+    sizes, ways = np.linalg.svd(beyond, full_matrices=False)[1:]
+    # Of the bends those alone that show in places along the lines well beyond noise, the points' and what is left.
+    least = np.maximum(
+        ABOVE_NOISE**2 * np.einsum("wi,ij,wj->w", ways, own, ways), LEAST_SEEN**2 * np.sum(columns**2)
+    )
+    left_over = float(left @ left) / float(np.median(mapped.lengths_mm[rows])) ** 2
+    least = np.maximum(least, LEAST_SPREAD**2 * left_over)
+    ways, sizes = ways[sizes**2 > least], sizes[sizes**2 > least]
+    if not len(ways):
         return None
-    # The points' own noise moves their places along the lines, too, and is the same noise as in the residuals.
-    found = np.linalg.solve(beyond.T @ beyond, beyond.T @ left - by_chance * freedom / len(residuals))
+    pull = beyond.T @ left - common
+    found = ways.T @ (ways @ pull / sizes**2)
     rest = left - beyond @ found
     alike = repeats(mapped, rows, rest.reshape(-1, 2), groups)
     variance = max(float(rest @ rest), np.finfo(float).tiny) / freedom * alike
-    ratio = float(np.sum((beyond @ found) ** 2)) / len(found) / variance
+    ratio = float(np.sum((beyond @ found) ** 2)) / len(ways) / variance
     return Bend(
         sag_mm=np.asarray(found, dtype=float),
-        p_value=float(fdtrc(len(found), max(freedom / alike, 1.0), ratio)),
+        p_value=float(fdtrc(len(ways), max(freedom / alike, 1.0), ratio)),
         moved=-np.asarray(np.linalg.lstsq(known, residuals - columns @ found, rcond=None)[0], dtype=float),
     )
 
 
-def _columns(mapped: MappedRows, rows: NDArray[np.int64], parameters: int, level_px: float) -> Array:
-    """(M, 3, k + 5), mm: derivatives by the tangent and by an offset, what noise has in common, and the residuals.
-
-    In common: the covariance of a point's place along its segment, 0 to 1, with its residual.
-    """
-    table, along = mapped.table, mapped.directions[rows]
-    jacobian = point_jacobian(mapped.transform, table.points[rows], parameters)
-    axes = (mapped.transform.rotation * mapped.transform.scales)[:, : table.dimension]
-    px = level_px * (np.ones(len(rows)) if table.sigma_px is None else table.sigma_px[rows])
-    together = (along @ axes) @ axes.T
-    together -= np.einsum("ni,ni->n", together, along)[:, None] * along
-    together *= (px**2 / mapped.lengths_mm[rows])[:, None]
-    offset = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
-    return np.concatenate(
-        [jacobian, offset, together[:, :, None], mapped.residuals[rows][:, :, None]], axis=2
-    )
+def columns_at(mapped: MappedRows, rows: NDArray[np.int64], parameters: int, points: Array) -> Array:
+    """(M, 3, k + 3), mm: derivatives by the tangent and by the bend, of rows that are seen at points (M, 3), px."""
+    axes = mapped.transform.rotation * mapped.transform.scales
+    moved = (points - mapped.table.points[rows]) @ axes.T
+    along = mapped.along_mm[rows] + np.einsum("ni,ni->n", moved, mapped.directions[rows])
+    place = along / mapped.lengths_mm[rows]
+    jacobian = point_jacobian(mapped.transform, points, parameters)
+    return np.concatenate([jacobian, place[:, None, None] * np.eye(3)], axis=2)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,13 @@ from numpy.typing import NDArray
 from sonocal.geometry import Array
 from sonocal.registration.mapped import MappedRows
 from sonocal.registration.noise import stretch_length
+from sonocal.registration.noise_in_columns import ABOVE_NOISE, noise_beyond
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.registration.whitened import across_lines, whitened
 
-__all__ = ["Distortion", "likeliest_distortion", "repeats", "side_by_side"]
+__all__ = ["Distortion", "likeliest_distortion", "repeats", "side_by_side", "taken_up"]
+
+FormsAt = Callable[[Array], dict[str, Array]]
 
 # Of a form, what the transform does not take up: less is rounding, and the form is not seen.
 LEAST_SEEN = 1e-4
@@ -49,6 +54,7 @@ def likeliest_distortion(
     levels: tuple[float, float],
     parameters: int,
     groups: list[NDArray[np.int64]],
+    forms_at: FormsAt | None = None,
 ) -> Distortion | None:
     """The form of distortion that the rows speak for most surely.
 
@@ -64,6 +70,8 @@ def likeliest_distortion(
         levels: noise of a point, px, and of a segment's end, mm; both 0 where rows weigh alike.
         parameters: k, of the transform's tangent.
         groups: (N,) each: of rows that may share an error.
+        forms_at: the forms at places (M, 3), px, of the chosen rows: what their noise has in common with the residuals
+            is taken off, and forms that are mostly noise are not looked for. None: forms are exact.
 
     Returns:
         The form with the least p-value; None where no row is to spare, or no form is seen.
@@ -76,13 +84,18 @@ def likeliest_distortion(
     )
     jacobian, columns, residuals = white[:, :parameters], white[:, parameters:-1], white[:, -1]
     freedom = len(residuals) - parameters - 1
-    basis = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))[0]
-    beyond, left = (one - basis @ (basis.T @ one) for one in (columns, residuals))
-    squares = np.sum(beyond**2, axis=0)
+    basis, taken = taken_up(jacobian, columns)
+    beyond, left = columns - jacobian @ taken, residuals - basis @ (basis.T @ residuals)
+    squares, pull = np.sum(beyond**2, axis=0), beyond.T @ left
     seen = squares > LEAST_SEEN**2 * np.sum(columns**2, axis=0)
+    if forms_at is not None:
+        columns_at = partial(_moved, mapped, forms_at, parameters)
+        own, common = noise_beyond(mapped, rows, columns_at, taken, levels)
+        seen &= squares > ABOVE_NOISE**2 * own.diagonal()
+        pull -= common
     if freedom < 1 or not seen.any():
         return None
-    sizes = np.where(seen, beyond.T @ left / np.where(seen, squares, 1.0), 0.0)
+    sizes = np.where(seen, pull / np.where(seen, squares, 1.0), 0.0)
     rest = np.maximum(left @ left - sizes**2 * squares, np.finfo(float).tiny)
     best = int(np.argmax(sizes**2 * squares / rest))
     unexplained = left - beyond @ np.linalg.lstsq(beyond, left, rcond=None)[0]
@@ -105,12 +118,25 @@ def side_by_side(mapped: MappedRows, chosen: NDArray[np.bool_]) -> NDArray[np.in
     return rows if sightings is None else rows[np.argsort(sightings[rows], kind="stable")]
 
 
+def taken_up(known: Array, columns: Array) -> tuple[Array, Array]:
+    """An orthonormal basis (m, k) of known columns (m, k), and how much of these others (m, C) take up: (k, C)."""
+    size = np.linalg.norm(known, axis=0)
+    basis, triangle = np.linalg.qr(known / size)
+    return basis, np.linalg.lstsq(triangle, basis.T @ columns, rcond=None)[0] / size[:, None]
+
+
 def _columns(mapped: MappedRows, rows: NDArray[np.int64], forms: dict[str, Array], parameters: int) -> Array:
     """(M, 3, k + F + 1), mm: derivatives by the tangent and by the forms, and the residuals."""
+    chosen = {name: form[rows] for name, form in forms.items()}
+    moved = _moved(mapped, lambda _: chosen, parameters, mapped.table.points[rows])
+    return np.concatenate([moved, mapped.residuals[rows][:, :, None]], axis=2)
+
+
+def _moved(mapped: MappedRows, forms_at: FormsAt, parameters: int, points: Array) -> Array:
+    """(M, 3, k + F), mm: derivatives by the tangent and by the forms, at points (M, 3), px."""
     axes = mapped.transform.rotation * mapped.transform.scales
-    moved = np.stack([form[rows] @ axes.T for form in forms.values()], axis=2)
-    jacobian = point_jacobian(mapped.transform, mapped.table.points[rows], parameters)
-    return np.concatenate([jacobian, moved, mapped.residuals[rows][:, :, None]], axis=2)
+    forms = np.stack([form @ axes.T for form in forms_at(points).values()], axis=2)
+    return np.concatenate([point_jacobian(mapped.transform, points, parameters), forms], axis=2)
 
 
 def repeats(

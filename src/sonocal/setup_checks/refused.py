@@ -21,6 +21,7 @@ from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.placement import GOOD_SHARE, POOR_SHARE, USUAL_MM, quick_fit, wrong_frame
 from sonocal.setup_checks.rows_in_time import RowsInTime
 from sonocal.setup_checks.threshold import ENOUGH_DEVIATIONS, agreeing_further, threshold_too_small
+from sonocal.setup_checks.units import units_as_they_stand
 
 __all__ = ["CHECKS", "Refused", "refusal_findings"]
 
@@ -52,6 +53,11 @@ class Refused:
 Check = Callable[[Refused], Iterable[Diagnostic]]
 
 
+def check_refused_units(refused: Refused) -> Iterator[Diagnostic]:
+    """Rows whose numbers are not in mm or px, as they themselves say."""
+    yield from units_as_they_stand(refused.observations, refused.table)
+
+
 def check_late(refused: Refused) -> Iterator[Diagnostic]:
     """Rows that agree once their lines are taken from another moment."""
     rows = RowsInTime.of(refused.observations, refused.table)
@@ -71,8 +77,8 @@ def check_mirrored(refused: Refused) -> Iterator[Diagnostic]:
 
 
 # Checks whose finding explains a refusal, those first that leave least doubt. Each gets what was refused and gives
-# findings; one that looks at something else, such as units, is a line here.
-CHECKS: list[Check] = [check_late, check_mirrored]
+# findings; one that looks at something else is a line here.
+CHECKS: list[Check] = [check_refused_units, check_late, check_mirrored]
 
 
 def refusal_findings(refused: Refused) -> tuple[Diagnostic, ...]:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
-from sonocal.geometry.axis_units import axis_doubt
-from sonocal.geometry.units import length_hints, scale_hints, scan_hints, unit_doubt
+from sonocal.geometry.axis_units import axis_doubt, end_doubt
+from sonocal.geometry.units import GO_ON, length_hints, scale_hints, scan_hints, unit_doubt
+from sonocal.observations import Observations
 from sonocal.observations.spanning import lengths_of
+from sonocal.registration.rows import PointLineRows
+from sonocal.registration.target_rows import TargetRows
 from sonocal.setup_checks.evidence import Evidence
 
-__all__ = ["check_units"]
+__all__ = ["check_units", "units_as_they_stand"]
 
 
 def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -34,18 +38,26 @@ def check_units(evidence: Evidence) -> Iterator[Diagnostic]:
             rms_mm=evidence.rms_mm,
             dimension=rows.dimension,
         )
-    yield from unit_doubt(hints) if hints else axis_doubt(_of_one_target(evidence))
+    yield from unit_doubt(hints) if hints else axis_doubt(_of_one_target(evidence.table))
 
 
-def _of_one_target(evidence: Evidence) -> Array:
+def units_as_they_stand(rows: Observations, table: PointLineRows | TargetRows) -> Iterator[Diagnostic]:
+    """What a table's numbers alone say of their units, where there is no calibration of them."""
+    hints = length_hints(rows.points_px, lengths_of(rows.spans, rows.segments_mm))
+    segments = _of_one_target(table)
+    for one in unit_doubt(hints) if hints else (*axis_doubt(segments), *end_doubt(segments)):
+        yield replace(one, advice=one.advice.removesuffix(GO_ON))  # what was refused does not go on
+
+
+def _of_one_target(table: PointLineRows | TargetRows) -> Array:
     """(M, 2, 3): the segments of the line that has most rows; none where there is no line."""
-    line = evidence.table.spans == 2
-    target = evidence.table.target
+    line = table.spans == 2
+    target = table.target
     assert target is not None
     if not line.any():
         return np.zeros((0, 2, 3))
     most = np.argmax(np.bincount(target[line]))
-    return np.asarray(evidence.table.spanning_mm[line & (target == most), :2])
+    return np.asarray(table.spanning_mm[line & (target == most), :2])
 
 
 def _deviation(evidence: Evidence) -> float:

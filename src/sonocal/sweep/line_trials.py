@@ -12,15 +12,16 @@ import numpy as np
 from sonocal.calibration.rows import point_line_rows
 from sonocal.detection import Detections
 from sonocal.errors import InputError
-from sonocal.geometry import Array
+from sonocal.geometry import Array, AxisScaled
 from sonocal.observations import Observations
 from sonocal.recording import Poses, Recording
+from sonocal.registration.mapped import MappedRows
 from sonocal.registration.near_degeneracy import nearly_degenerate
 from sonocal.setup_checks.placement import GAIN, quick_fit
 from sonocal.sweep.tabulate import Posing, tabulated
 from sonocal.targets import Line
 
-__all__ = ["GOOD_SHARE", "RANKS", "LineTrials", "Share"]
+__all__ = ["GOOD_SHARE", "LEAST_LEFT", "RANKS", "LineTrials", "Share"]
 
 # Ranks of candidates that are looked at: others are hardly ever the needle.
 RANKS = 2
@@ -28,6 +29,8 @@ RANKS = 2
 GOOD_SHARE = 0.6
 # Of trials under which as many agree, but for this share, that counts under which they do so most closely.
 AS_MANY = 0.02
+# Images that do not agree are looked at alone where they are as many, a share of all; chance brings few of them near.
+FEWEST_LEFT, LEAST_LEFT, NEARLY_ALL = 8, 0.1, 0.8
 
 
 @dataclass(frozen=True)
@@ -108,11 +111,44 @@ class LineTrials:
         words = min(alike, key=lambda one: shares[one].middle_mm, default="")
         if not shares or not shares[words].part > max(GOOD_SHARE, before.part + GAIN):
             return None
-        if nearly_degenerate(
-            point_line_rows(self.table(trials[words]()))
-        ):  # such lines fit many a change as well
-            return None
+        if nearly_degenerate(point_line_rows(self.table(trials[words]()))):
+            return None  # such lines fit many a change as well
         return f"{words}: {shares[words].count} of {shares[words].of} images agree then"
+
+    def partly(self, trials: dict[str, Callable[[], Array]], transform: AxisScaled) -> str | None:
+        """The trial under which images that do not agree with a transform do, in words, if nearly all of them are such.
+
+        Args:
+            trials: where the lines would be, by what is tried.
+            transform: of the images that agree.
+        """
+        near = self._near(lambda: self.segments_mm, transform)
+        left = sorted(frame for frame, agrees in near.items() if not agrees)
+        if len(left) < max(FEWEST_LEFT, LEAST_LEFT * len(near)):
+            return None
+        counts = {}
+        for words, segments in trials.items():
+            then = self._near(segments, transform)
+            counts[words] = sum(then.get(frame, False) for frame in left)
+        words = max(counts, key=lambda one: counts[one], default="")
+        if not counts or counts[words] < NEARLY_ALL * len(left):
+            return None
+        return (
+            f"{words} in part of the recording: {counts[words]} of {len(left)} that do not agree do so then, the "
+            f"first of them frame {left[0]}"
+        )
+
+    def _near(self, segments: Callable[[], Array], transform: AxisScaled) -> dict[int, bool]:
+        """Of each image with a candidate, whether one lies near its line."""
+        try:
+            table = self.table(segments())
+        except InputError:  # nothing connects such a frame to the probe
+            return {}
+        near = MappedRows(transform, point_line_rows(table)).distances <= self.threshold_mm
+        found: dict[int, bool] = {}
+        for frame, agrees in zip(table.frame.tolist(), near.tolist(), strict=True):
+            found[frame] = found.get(frame, False) or agrees
+        return found
 
     def agreeing(
         self, segments: Callable[[], Array], within: float = 1.0, scale_mm_per_px: float | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,13 +16,15 @@ from sonocal.calibration.refusals import leading_with
 from sonocal.calibration.rows import point_line_rows
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
 from sonocal.findings import Diagnostic, Findings
+from sonocal.geometry import Array, AxisScaled
+from sonocal.geometry.units import GO_ON, length_hints, unit_doubt
 from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.late import lag_finding, spoiling_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.placement import GAIN, wrong_frame
 from sonocal.setup_checks.rows_in_time import RowsInTime
-from sonocal.sweep.line_trials import GOOD_SHARE, RANKS, LineTrials
+from sonocal.sweep.line_trials import GOOD_SHARE, LEAST_LEFT, RANKS, LineTrials
 
 __all__ = ["Suspects"]
 
@@ -33,6 +35,13 @@ LEAST_SHARE = 0.25
 FEW = 0.7
 # What a suspect explains better than the calibration did.
 BETTER_SAID = {"latency", "wrong-tool-frame", "known-scale-unchecked"}
+# What poses of which a part is written otherwise look like.
+OF_MIXED_POSES = BETTER_SAID | {
+    "latency-beyond-tolerance",
+    "marker-slipped",
+    "two-markers",
+    "left-out-rows-agree",
+}
 
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "inches": 25.4, "metres": 1000.0}
 FACTORS = {
@@ -79,6 +88,9 @@ class Suspects:
 
         def look() -> tuple[Diagnostic, ...]:
             own = tuple(calibration.diagnostics)
+            mixed = used < (1.0 - LEAST_LEFT) * sightings
+            if mixed and (found := tuple(self._mixed_poses(calibration.probe_from_image))):
+                return (*found, *(one for one in own if one.code not in OF_MIXED_POSES))
             if used >= FEW * sightings and not any(one.code == "latency" for one in own):
                 return own
             found = self.findings(used)
@@ -96,6 +108,8 @@ class Suspects:
         Args:
             agreeing: how many sightings do, where that is said beside.
         """
+        if found := tuple(self._wrong_places()):
+            return found
         looks = (self._wrong_scale, self._wrong_unit, self._late, self._wrong_poses, self._wrong_frame)
         for look in looks:
             if found := tuple(look()):
@@ -120,6 +134,12 @@ class Suspects:
             point_line_rows(table), self.trials.recording.times, self.trials.segments_mm, table.frame, track
         )
         return find_lag(rows, self.trials.threshold_mm, self.options.model, LEAST_SHARE)
+
+    def _wrong_places(self) -> Iterator[Diagnostic]:
+        """Places of the image, all axes or one, in shares of it."""
+        places = self.trials.detections.points_px
+        hints = length_hints(places.reshape(-1, places.shape[-1]), np.zeros(0))
+        yield from (replace(one, advice=one.advice.removesuffix(GO_ON)) for one in unit_doubt(hints))
 
     def _wrong_scale(self) -> Iterator[Diagnostic]:
         """Images that agree once the scale is left free."""
@@ -161,29 +181,35 @@ class Suspects:
 
     def _wrong_poses(self) -> Iterator[Diagnostic]:
         """Poses that fit when they are taken for something else."""
-        probe, frames = (
-            self.trials.posing.probe,
-            list(dict.fromkeys(line.frame for line in self.trials.lines)),
-        )
-        tools = [one for one in dict.fromkeys([probe, *frames]) if self._is_tracked(one)]
+        yield from self._of_poses(self.trials.best(self._changes()))
+
+    def _mixed_poses(self, transform: AxisScaled) -> Iterator[Diagnostic]:
+        """Poses of which a part fits when it is taken for something else."""
+        yield from self._of_poses(self.trials.partly(self._changes(), transform))
+
+    def _changes(self) -> dict[str, Callable[[], Array]]:
+        """Where the lines would be, were poses something else, by what they would be."""
+        frames = dict.fromkeys([self.trials.posing.probe, *(line.frame for line in self.trials.lines)])
+        tools = [one for one in frames if self._is_tracked(one)]
         whose = [*([tool] for tool in tools), *([tools] if len(tools) > 1 else [])]
-        trials = {
+        return {
             f"the {' and the '.join(tool + OF for tool in some)} poses fit when they are {how}": (
-                some,
-                change,
+                self.trials.with_poses(some, change)
             )
             for some in whose
             for how, change in CHANGES.items()
         }
-        found = self.trials.best({words: self.trials.with_poses(*trial) for words, trial in trials.items()})
+
+    def _of_poses(self, found: str | None) -> Iterator[Diagnostic]:
+        probe = self.trials.posing.probe
         if found is not None:
             yield Diagnostic(
                 code="wrong-poses",
                 severity="warning",
                 message=found,
                 advice=(
-                    f"write them as they are meant: a transform named {probe}ToTracker carries points of the {probe} "
-                    "into the tracker's frame, and the numbers of a quaternion have an order"
+                    f"write them as they are meant: a transform named {probe}ToTracker carries points of "
+                    f"the {probe} into the tracker's frame, and the numbers of a quaternion have an order"
                 ),
             )
 
