@@ -128,7 +128,11 @@ def test_text_is_read_with_and_without_a_mark(tmp_path_factory, text, mark):
     ("content", "sentence"),
     [
         (b"ab\xff", "a.txt: byte 2 is not UTF-8; a note is UTF-8 text"),
-        (b"ab\0", "a.txt: holds a zero byte; a note is UTF-8 text"),
+        (b"abc\0", "a.txt: holds a zero byte; a note is UTF-8 text"),
+        (
+            "u,v\n".encode("utf-16-le"),
+            "a.txt: holds a zero byte, as UTF-16 without its mark does: save it as UTF-8; a note is UTF-8 text",
+        ),
         (b"x" * 11, "a.txt: holds 11 bytes, more than the 10 of a note; is it the right file?"),
     ],
 )

@@ -108,7 +108,10 @@ def read_text(path: Path, what: str, limit: int = TEXT_LIMIT) -> str:
             f"{path.name}: byte {error.start} is not {encoding}; {what} is UTF-8 text"
         ) from None
     if "\0" in text:
-        raise FormatError(f"{path.name}: holds a zero byte; {what} is UTF-8 text")
+        looks = (
+            ", as UTF-16 without its mark does: save it as UTF-8" if text.count("\0") > len(text) / 3 else ""
+        )
+        raise FormatError(f"{path.name}: holds a zero byte{looks}; {what} is UTF-8 text")
     return text
 
 
