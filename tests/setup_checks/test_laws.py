@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from benchmarks.simulators.faults import altered
 from benchmarks.simulators.scans import scan
+from benchmarks.slow_hand import PX, SCALE, found_in, noisy_rows, slow_sweep
 from hypothesis import given, reject
 from hypothesis import strategies as st
 
 import sonocal as sc
 from sonocal.calibration import evidence_of
+from sonocal.calibration.mixed import mapped_of
 from sonocal.observations import group_codes
 from sonocal.registration.noise import stretch_length
-from sonocal.setup_checks import check_latency, check_setup, check_slip
+from sonocal.setup_checks import Evidence, check_latency, check_setup, check_slip
 from sonocal.setup_checks import slip as slip_module
 from sonocal.setup_checks.latency import latency_of
 from sonocal.setup_checks.motion import motion_of
@@ -25,6 +27,11 @@ from tests.builders.similarities import random_similarity
 seeds = st.integers(0, 2_000)
 faults = st.sampled_from(["sound", "slip", "late"])
 OVER_TIME = ("marker-slipped", "latency")
+
+
+def as_it_stands(rows):
+    """Rows over time, with nothing taken off for noise, as slow sums have them."""
+    return dataclasses.replace(motion_of(evidence(rows)), pull_by_noise=None)
 
 
 def rows_of(seed, fault, frames=60, outliers=0.03):
@@ -205,7 +212,7 @@ def test_velocities_are_those_of_each_needles_neighbouring_sightings(seed, targe
 
 @given(seeds, faults)
 def test_a_latency_is_the_least_squares_one(seed, fault):
-    motion = motion_of(evidence(rows_of(seed, fault)))
+    motion = as_it_stands(rows_of(seed, fault))
     j, v = motion.jacobian[motion.usable], motion.velocity[motion.usable]
     columns = np.concatenate([j, v[:, :, None]], axis=2).reshape(-1, motion.parameters + 1)
     scale = np.linalg.norm(columns, axis=0)
@@ -228,7 +235,7 @@ def slow_explained(motion, frame, split, latency):
 
 @given(seeds, faults)
 def test_what_a_step_explains_is_what_two_fits_say(seed, fault):
-    motion = motion_of(evidence(rows_of(seed, fault)))
+    motion = as_it_stands(rows_of(seed, fault))
     latency = latency_of(motion)
     test = _ChangePoint(motion, latency)
     steps = test.steps(None)
@@ -239,7 +246,7 @@ def test_what_a_step_explains_is_what_two_fits_say(seed, fault):
 
 @given(seeds)
 def test_random_orders_are_explained_one_by_one_as_in_a_batch(seed):
-    motion = motion_of(evidence(rows_of(seed, "slip")))
+    motion = as_it_stands(rows_of(seed, "slip"))
     test = _ChangePoint(motion, 0.0)
     rng = np.random.default_rng(seed)
     orders = np.array([rng.permutation(motion.frames) for _ in range(5)])
@@ -336,3 +343,29 @@ def test_rows_far_off_take_no_part_in_time():
     far = one.mapped.distances > one.threshold_mm
     assert not np.isin(np.flatnonzero(far), motion.rows).any()
     assert motion.frames == len(np.unique(rows.frame[motion.rows]))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_noise_makes_of_motions_and_residuals_is_known_in_the_mean(dimension):
+    (turn, shift), points, segments, frame = slow_sweep(3, "still", 100, dimension)
+    truth, rng = sc.Similarity(turn, shift, SCALE), np.random.default_rng(dimension)
+    area = np.array([[0.0] * dimension, [640.0] * dimension])
+    found, said = [], []
+    for _ in range(100):
+        noise, both = rng.normal(0, PX, points.shape), []
+        for sign in (1.0, -1.0):  # what is odd in the noise is no part of the mean
+            rows = sc.Observations(points + sign * noise, segments, frame=frame)
+            one = Evidence(rows, mapped_of(truth, rows), "similarity", None, area, 5.0, 0.2, sigma_px=PX)
+            motion = motion_of(one)
+            both.append(np.einsum("nik,ni->k", motion.jacobian, motion.residuals))
+        found.append(np.mean(both, axis=0))
+        said.append(motion.pull_by_noise.sum(axis=0))
+    unsure = np.std(found, axis=0) / np.sqrt(len(found)) + 1e-9
+    assert np.abs(np.mean(said, axis=0) / unsure).max() > 20.0
+    np.testing.assert_array_less(np.abs(np.mean(found, axis=0) - np.mean(said, axis=0)), 4.0 * unsure)
+
+
+@pytest.mark.parametrize("hand", ["still", "slow"])
+def test_a_hand_that_hardly_moves_has_no_marker_that_slips(hand):
+    accused = [{*OVER_TIME} & found_in(noisy_rows(seed, hand, 0.02)) for seed in range(40)]
+    assert sum(map(bool, accused)) <= 2

@@ -34,6 +34,7 @@ def evidence_of(
         rms_mm=calibration.fit.rms_mm,
         tolerance_mm=calibration.options.tolerance_mm,
         area_name=calibration.area_name,
+        sigma_px=calibration.noise.sigma_px or 0.0,
     )
 
 

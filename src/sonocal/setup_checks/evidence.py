@@ -33,6 +33,7 @@ class Evidence:
         rms_mm: of the distances of the rows that agree.
         tolerance_mm: error at the area's corners that is accepted.
         area_name: what messages call the area, which is the image where its size is known.
+        sigma_px: noise of an image point, px; 0 where it is not known.
     """
 
     observations: Observations
@@ -44,6 +45,7 @@ class Evidence:
     rms_mm: float
     tolerance_mm: float = 2.0
     area_name: str = "image"
+    sigma_px: float = 0.0
 
     __repr__ = brief
 

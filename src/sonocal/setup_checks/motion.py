@@ -38,6 +38,7 @@ class Motion:
         usable: (N,): whether it is known.
         unit: of time: "s", or "frames".
         by_noise: (N, 2): what noise alone makes of the products of velocity with residual and with itself.
+        pull_by_noise: (N, k): what the points' noise alone makes of the products of jacobian with residual.
     """
 
     rows: NDArray[np.int64]
@@ -50,6 +51,7 @@ class Motion:
     usable: NDArray[np.bool_]
     unit: str
     by_noise: Array | None = None
+    pull_by_noise: Array | None = None
 
     @property
     def frames(self) -> int:
@@ -72,6 +74,9 @@ class Motion:
             products[:, -2, -1] -= self.by_noise[:, 0]
             products[:, -1, -2] -= self.by_noise[:, 0]
             products[:, -2, -2] -= self.by_noise[:, 1]
+        if self.pull_by_noise is not None:
+            products[:, :-2, -1] -= self.pull_by_noise
+            products[:, -1, :-2] -= self.pull_by_noise
         return products
 
     def summed(self, moments: Array, groups: NDArray[np.int64]) -> Array:
@@ -107,7 +112,29 @@ def motion_of(evidence: Evidence) -> Motion | None:
         velocity=velocity,
         usable=usable,
         unit=unit,
+        pull_by_noise=_pull_by_noise(evidence, rows),
     )
+
+
+def _pull_by_noise(evidence: Evidence, rows: NDArray[np.int64]) -> Array:
+    """(N, k): the mean of J'r of each row that its point's noise alone makes, as both are of that point.
+
+        E[J'r] = sigma_px^2 sum_k (P dJ/dx_k)' (P A e_k)        P: across the target
+
+    Where motions leave little to tell, a slip would be seen in it.
+    """
+    transform, points = evidence.transform, evidence.table.points[rows]
+    own = evidence.table.sigma_px
+    px = evidence.sigma_px * (np.ones(len(rows)) if own is None else own[rows])
+    axes = transform.rotation * transform.scales
+    pull = np.zeros((len(rows), evidence.parameters))
+    for axis in range(evidence.observations.dimension):
+        step = 0.5 * np.eye(3)[axis]
+        slopes = [point_jacobian(transform, points + by, evidence.parameters) for by in (step, -step)]
+        moved = np.broadcast_to(axes[:, axis, None], (len(rows), 3, 1))
+        both = evidence.mapped.across(rows, np.concatenate([slopes[0] - slopes[1], moved], axis=2))
+        pull += np.einsum("n,nik,ni->nk", px**2, both[..., :-1], both[..., -1])
+    return pull
 
 
 def ridged(matrices: Array) -> Array:
