@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sonocal import InputError
 from sonocal.files.tables import parse_table
-from sonocal.recording.formats.parts.stamps import NAMES, PER_SECOND, WORDS, time_column, times_of
+from sonocal.recording.formats.parts.stamps import PER_SECOND, UNIT_NAMES, WORDS, time_column, times_of
 
 STEPS_MS = st.lists(st.integers(5, 100), min_size=2, max_size=20)
 
@@ -38,7 +38,7 @@ def test_a_name_says_the_unit(column, unit, steps):
     times, notes = times_of(table(column, (seconds * PER_SECOND[unit]).tolist()))
     np.testing.assert_allclose(times, seconds, rtol=1e-12)
     assert len(notes) == (unit != "s")
-    assert all(NAMES[unit] in note.message and note.code == "time-unit" for note in notes)
+    assert all(UNIT_NAMES[unit] in note.message and note.code == "time-unit" for note in notes)
 
 
 @pytest.mark.parametrize("unit", PER_SECOND)
@@ -57,7 +57,7 @@ def test_counts_from_the_start_are_known_by_their_steps(unit, steps):
     counts = [round(PER_SECOND[unit] / 1000) * n for n in np.cumsum(steps).tolist()]
     times, (note,) = times_of(table("t", counts))
     np.testing.assert_allclose(times, np.cumsum(steps) / 1000, rtol=1e-12)
-    assert NAMES[unit] in note.message
+    assert UNIT_NAMES[unit] in note.message
 
 
 @pytest.mark.parametrize("rate", [0.5, 1, 20, 1000])
