@@ -42,11 +42,7 @@ def other_answers(
         kept.append(one)
         labels, there = table.as_given(one.settled)[0], Similarity.from_matrix(one.settled.matrix)
         nats, _ = nats_apart(table, best.shifted.costs, one.shifted.costs)
-        name = (
-            ELSEWHERE
-            if one.name == LABELLING and share <= SAME_LABELS
-            else _name(table, one, answers, within_mm)
-        )
+        name = _name(table, one, answers, within_mm)
         view = telling_view(table, best.settled.matrix, one.settled.matrix)
         rival = RivalLabels(name, labels, there, one.settled.score, apart, nats, share, *view)
         found.append((rival, excluded))
@@ -57,6 +53,8 @@ def _name(table: LabelTable, one: Answer, answers: list[Answer], within_mm: floa
     """Of an answer; of one that the search found and a symmetry of the wires leads to, or away from, the symmetry's."""
     if one.name != LABELLING:
         return one.name
+    if _differing(answers[0], one) <= SAME_LABELS:
+        return ELSEWHERE
     named = (other for other in answers[1:] if other.name != LABELLING)
     return next((other.name for other in named if _alike(table, one, other, within_mm)), answers[0].name)
 

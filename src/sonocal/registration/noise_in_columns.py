@@ -2,20 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.geometry import Array
-from sonocal.registration.mapped import MappedRows
+from sonocal.registration.mapped import Mapped, MappedRows
 from sonocal.registration.whitened import whitened
 
-__all__ = ["ABOVE_NOISE", "noise_beyond"]
+__all__ = ["ABOVE_NOISE", "moved_by_noise", "noise_beyond"]
 
 ABOVE_NOISE = 8.0
 """Deviations of its own noise: where less is left of a column, what that noise does is told too roughly. Usual scans
 leave 30 to 100."""
+
+
+def moved_by_noise(
+    mapped: Mapped, rows: NDArray[np.int64], columns_at: Callable[[Array], Array], level_px: float
+) -> Iterator[Array]:
+    """Axis by axis of the image: what a deviation of the points' noise along it changes, (M, 3, k + 1), mm.
+
+    Of the columns first, and last of the mapped points themselves, and with them of the residuals.
+
+    Args:
+        mapped: rows under the transform.
+        rows: (M,): indices of those to look at.
+        columns_at: of places (M, 3), px, of these rows: the columns (M, 3, k), mm.
+        level_px: noise of a point, or what the rows' own are multiplied by.
+    """
+    table, points = mapped.table, mapped.table.points[rows]
+    px = level_px * (np.ones(len(rows)) if table.sigma_px is None else table.sigma_px[rows])
+    axes = mapped.transform.rotation * mapped.transform.scales
+    for axis in range(table.dimension):
+        step = 0.5 * np.eye(3)[axis]
+        slopes = columns_at(points + step) - columns_at(points - step)
+        own = np.broadcast_to(axes[:, axis, None], (len(rows), 3, 1))
+        yield np.concatenate([slopes, own], axis=2) * px[:, None, None]
 
 
 def noise_beyond(
@@ -45,20 +68,15 @@ def noise_beyond(
 
     Source: Fuller, Measurement Error Models, 1987, section 2.2.
     """
-    table, points = mapped.table, mapped.table.points[rows]
-    px = levels[0] * (np.ones(len(rows)) if table.sigma_px is None else table.sigma_px[rows])
-    axes = mapped.transform.rotation * mapped.transform.scales
     turn = _turn_in_sighting(mapped, rows)
     beyond = np.vstack([-taken, np.eye(taken.shape[1])])
     products: Array = np.zeros((taken.shape[1] + 1,) * 2)
-    for axis in range(table.dimension):
-        step = 0.5 * np.eye(3)[axis]
-        slopes = (columns_at(points + step) - columns_at(points - step)) @ beyond
-        own = np.broadcast_to(axes[:, axis, None], (len(rows), 3, 1))
+    for moved in moved_by_noise(mapped, rows, columns_at, levels[0]):
+        both = np.concatenate([moved[..., :-1] @ beyond, moved[..., -1:]], axis=2)
         for one in range(int(turn.max()) + 1):  # each row of a sighting has noise of its own
-            moved = np.concatenate([slopes, own], axis=2) * ((turn == one) * px)[:, None, None]
-            moved = np.concatenate([moved, mapped.residuals[rows][:, :, None]], axis=2)
-            white = whitened(mapped, rows, moved, levels)[..., :-1].reshape(-1, len(products))
+            mine = both * (turn == one)[:, None, None]
+            mine = np.concatenate([mine, mapped.residuals[rows][:, :, None]], axis=2)
+            white = whitened(mapped, rows, mine, levels)[..., :-1].reshape(-1, len(products))
             products += white.T @ white
     return products[:-1, :-1], products[:-1, -1]
 

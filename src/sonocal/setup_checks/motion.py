@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sonocal.geometry import Array
 from sonocal.observations import group_codes
+from sonocal.registration.noise_in_columns import moved_by_noise
 from sonocal.registration.uncertainty import point_jacobian
 from sonocal.setup_checks.evidence import Evidence
 from sonocal.setup_checks.rows_in_time import time_of, tracks_of
@@ -123,17 +124,14 @@ def _pull_by_noise(evidence: Evidence, rows: NDArray[np.int64]) -> Array:
 
     Where motions leave little to tell, a slip would be seen in it.
     """
-    transform, points = evidence.transform, evidence.table.points[rows]
-    own = evidence.table.sigma_px
-    px = evidence.sigma_px * (np.ones(len(rows)) if own is None else own[rows])
-    axes = transform.rotation * transform.scales
+
+    def at(places: Array) -> Array:
+        return point_jacobian(evidence.transform, places, evidence.parameters)
+
     pull = np.zeros((len(rows), evidence.parameters))
-    for axis in range(evidence.observations.dimension):
-        step = 0.5 * np.eye(3)[axis]
-        slopes = [point_jacobian(transform, points + by, evidence.parameters) for by in (step, -step)]
-        moved = np.broadcast_to(axes[:, axis, None], (len(rows), 3, 1))
-        both = evidence.mapped.across(rows, np.concatenate([slopes[0] - slopes[1], moved], axis=2))
-        pull += np.einsum("n,nik,ni->nk", px**2, both[..., :-1], both[..., -1])
+    for moved in moved_by_noise(evidence.mapped, rows, at, evidence.sigma_px):
+        across = evidence.mapped.across(rows, moved)
+        pull += np.einsum("nik,ni->nk", across[..., :-1], across[..., -1])
     return pull
 
 
