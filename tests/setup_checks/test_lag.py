@@ -5,8 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 from benchmarks.simulators.late import NEEDLE, late_scan
+from benchmarks.simulators.trust_faults import Case, sound
+from benchmarks.simulators.trust_judge import judged
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import sonocal as sc
 from sonocal.calibration import point_line_rows
@@ -163,3 +166,12 @@ def test_wrong_poses_are_named(how, tool):
         findings = error.diagnostics
     assert findings[0].code == "wrong-poses"
     assert findings[0].message.startswith(f"the {tool}'s poses fit when they are")
+
+
+@pytest.mark.parametrize(("seed", "order"), [(3, "xwyz"), (5, "xwyz"), (10, "xywz")])
+def test_poses_of_an_order_of_quaternions_that_nobody_uses_are_not_late(seed, order):
+    scan = sound(seed, 200)
+    turns = Rotation.from_matrix(scan.tracker_from_probe[:, :3, :3]).as_quat()
+    poses = scan.tracker_from_probe.copy()
+    poses[:, :3, :3] = Rotation.from_quat(turns[:, ["xyzw".index(one) for one in order]]).as_matrix()
+    assert "latency" not in judged(Case(scan.but(tracker_from_probe=poses), recording=True)).codes

@@ -18,7 +18,7 @@ from sonocal.setup_checks.latency import deviation_of, is_significant, latency_o
 from sonocal.setup_checks.motion import FEWEST_FRAMES, Motion
 from sonocal.setup_checks.rows_in_time import RowsInTime, ShiftedRows, Table
 
-__all__ = ["Lag", "find_lag", "rough_lag"]
+__all__ = ["LEAST_AGREEING", "Lag", "find_lag", "rough_lag"]
 
 # Lags tried to either side: of a frame grabber, a video chain, a tracker's filter; and how finely, where a fast hand
 # moves by less than the threshold.

@@ -9,7 +9,7 @@ import numpy as np
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array, AxisScaled, area_places
 from sonocal.setup_checks.evidence import Evidence
-from sonocal.setup_checks.lag_search import Lag, find_lag
+from sonocal.setup_checks.lag_search import LEAST_AGREEING, Lag, find_lag
 from sonocal.setup_checks.latency import (
     LEAST_LAG_MM,
     beyond_tolerance,
@@ -44,7 +44,8 @@ def lags_of(evidence: Evidence, motion: Motion | None, latency: float) -> Iterat
             area = evidence.area_px, evidence.tolerance_mm, evidence.area_name
             yield from spoiling_lag(lag, evidence.transform, area)
             return
-    if motion is not None:
+    # Few rows that agree by chance follow the needle's speed as well.
+    if motion is not None and np.mean(evidence.inlier) >= LEAST_AGREEING:
         yield from latency_findings(motion, latency, evidence.tolerance_mm)
 
 

@@ -24,6 +24,7 @@ from sonocal.setup_checks.late import lag_finding, spoiling_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.placement import GAIN, wrong_frame
 from sonocal.setup_checks.rows_in_time import RowsInTime
+from sonocal.sweep.agreeing import ENOUGH
 from sonocal.sweep.line_trials import GOOD_SHARE, LEAST_LEFT, RANKS, LineTrials
 
 __all__ = ["Suspects"]
@@ -33,11 +34,12 @@ OF = "'s"
 LEAST_SHARE = 0.25
 # Share of the sightings below which it is asked why not more took part: needles are out of view for a while.
 FEW = 0.7
+OF_A_LAG = {"latency", "latency-beyond-tolerance"}
 # What a suspect explains better than the calibration did.
 BETTER_SAID = {"latency", "wrong-tool-frame", "known-scale-unchecked"}
 # What poses of which a part is written otherwise look like.
 OF_MIXED_POSES = BETTER_SAID | {
-    "latency-beyond-tolerance",
+    *OF_A_LAG,
     "marker-slipped",
     "two-markers",
     "left-out-rows-agree",
@@ -98,6 +100,10 @@ class Suspects:
                 accepted = calibration.area_px, self.options.tolerance_mm, calibration.area_name
                 found += tuple(spoiling_lag(self._lag, calibration.probe_from_image, accepted))
             better = {one.code for one in found} | (BETTER_SAID if found else set())
+            if (
+                used < ENOUGH * sightings
+            ):  # who may agree by chance, and then follow the needle's speed as well
+                better |= OF_A_LAG
             return (*found, *(one for one in own if one.code not in better))
 
         return replace(calibration, diagnostics=Findings(looks=(look,)))
