@@ -339,6 +339,13 @@ def altered(sweep, path, change):
     return path
 
 
+def test_a_threshold_that_any_image_keeps_is_asked_to_be_smaller(swept, tmp_path):
+    _, (path, lines, *_) = swept
+    done = run("calibrate", path, "--lines", lines, "-o", tmp_path / "out", "--threshold-mm", "1000")
+    assert done.exit_code == 1
+    assert "so many agree by chance within 1e+03 mm; give a smaller threshold" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

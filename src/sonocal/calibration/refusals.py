@@ -65,12 +65,16 @@ def _findings(
     return (*_of_scale(table, options, error), *found)
 
 
+# What a refusal is led by, wherever it was found.
+EXPLAINING = {*DECISIVE, "threshold-below-noise"}
+
+
 def leading_with(findings: tuple[Diagnostic, ...], refusal: str) -> str:
     """The sentence of a refusal, led by the finding that explains it, if one does.
 
     Of the refusal its fact stays, and not what to do: the finding knows better.
     """
-    first = next((one for one in findings if one.code in DECISIVE), None)
+    first = next((one for one in findings if one.code in EXPLAINING), None)
     fact = refusal.partition(";")[0]
     if first is None:
         return refusal

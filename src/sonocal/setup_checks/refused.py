@@ -20,13 +20,15 @@ from sonocal.setup_checks.late import lag_finding
 from sonocal.setup_checks.latency import LEAST_LAG_MM
 from sonocal.setup_checks.placement import GOOD_SHARE, POOR_SHARE, USUAL_MM, quick_fit, wrong_frame
 from sonocal.setup_checks.rows_in_time import RowsInTime
-from sonocal.setup_checks.threshold import ENOUGH_DEVIATIONS, agreeing_further, threshold_too_small
+from sonocal.setup_checks.threshold import (
+    ENOUGH_DEVIATIONS,
+    agreeing_further,
+    noise_of_middle,
+    threshold_too_small,
+)
 from sonocal.setup_checks.units import units_as_they_stand
 
 __all__ = ["CHECKS", "Refused", "refusal_findings"]
-
-# Of the distances of two normal components, in standard deviations of one.
-MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +109,7 @@ def _agree_further(refused: Refused) -> Diagnostic | None:
     )
     if share <= GOOD_SHARE:
         return None
-    noise_mm = float(np.median(fit.residuals_mm)) / MEDIAN
+    noise_mm = noise_of_middle(float(np.median(fit.residuals_mm)))
     return threshold_too_small(
         f"only {refused.agreeing} of {len(refused.table)} rows agree within the threshold of "
         f"{refused.threshold_mm:.3g} mm, and {100 * share:.0f} % with a noise of {noise_mm:.2g} mm per axis",

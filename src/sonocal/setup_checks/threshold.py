@@ -14,9 +14,11 @@ from sonocal.setup_checks.placement import USUAL_MM
 
 __all__ = [
     "ENOUGH_DEVIATIONS",
+    "PART_OF_IMAGE",
     "agreeing_further",
     "check_threshold",
     "cut_deviation",
+    "noise_of_middle",
     "share_but_for_noise",
     "threshold_too_small",
 ]
@@ -115,6 +117,11 @@ def agreeing_further(distances: Array, mapped: Array, threshold_mm: float) -> fl
     """
     extent = float(np.ptp(mapped, axis=0).max())
     return float(np.mean(distances <= max(threshold_mm, min(USUAL_MM, PART_OF_IMAGE * extent))))
+
+
+def noise_of_middle(distance_mm: float) -> float:
+    """Standard deviation of each of two normal components, mm, by their median distance."""
+    return distance_mm / float(np.sqrt(2.0 * np.log(2.0)))
 
 
 def threshold_too_small(message: str, enough_mm: float) -> Diagnostic:

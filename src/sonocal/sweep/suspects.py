@@ -22,8 +22,14 @@ from sonocal.recording.mistaken_poses import CHANGES
 from sonocal.setup_checks.lag_search import Lag, find_lag
 from sonocal.setup_checks.late import lag_finding, spoiling_lag
 from sonocal.setup_checks.latency import LEAST_LAG_MM
-from sonocal.setup_checks.placement import GAIN, wrong_frame
+from sonocal.setup_checks.placement import GAIN, USUAL_MM, wrong_frame
 from sonocal.setup_checks.rows_in_time import RowsInTime
+from sonocal.setup_checks.threshold import (
+    ENOUGH_DEVIATIONS,
+    PART_OF_IMAGE,
+    noise_of_middle,
+    threshold_too_small,
+)
 from sonocal.sweep.agreeing import ENOUGH
 from sonocal.sweep.line_trials import GOOD_SHARE, LEAST_LEFT, RANKS, LineTrials
 
@@ -116,7 +122,14 @@ class Suspects:
         """
         if found := tuple(self._wrong_places()):
             return found
-        looks = (self._wrong_scale, self._wrong_unit, self._late, self._wrong_poses, self._wrong_frame)
+        looks = (
+            self._wrong_scale,
+            self._wrong_unit,
+            self._late,
+            self._low_threshold,
+            self._wrong_poses,
+            self._wrong_frame,
+        )
         for look in looks:
             if found := tuple(look()):
                 said = "" if agreeing is None else f", instead of {agreeing}"
@@ -184,6 +197,22 @@ class Suspects:
     def _late(self) -> Iterator[Diagnostic]:
         if self._lag is not None:
             yield lag_finding(self._lag, self.trials.recording.latency_s)
+
+    def _low_threshold(self) -> Iterator[Diagnostic]:
+        """A threshold that leaves out what is noise: most agree within what is usual."""
+        within_mm = self.trials.threshold_mm
+        if self.options.threshold_mm == "auto" or within_mm >= USUAL_MM:
+            return
+        share = self.trials.agreeing(lambda: self.trials.segments_mm, USUAL_MM / within_mm)
+        image = self.trials.recording.image
+        extent_mm = share.mm_per_px * max(image.size_px) if image else 0.0
+        if share.part > GOOD_SHARE and PART_OF_IMAGE * extent_mm >= USUAL_MM:
+            noise_mm = noise_of_middle(share.middle_mm)
+            yield threshold_too_small(
+                f"with a noise of {noise_mm:.2g} mm per axis, which the threshold of {within_mm:.3g} mm leaves out, "
+                f"{share.count} of {share.of} images agree",
+                ENOUGH_DEVIATIONS * noise_mm,
+            )
 
     def _wrong_poses(self) -> Iterator[Diagnostic]:
         """Poses that fit when they are taken for something else."""
