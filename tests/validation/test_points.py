@@ -55,13 +55,14 @@ def test_a_shifted_calibration_is_off_by_the_shift_and_a_fixed_point_spreads_by_
     assert fixed_point_spread(shifted, sightings).value_mm == pytest.approx(5.0, rel=0.02)
 
 
-def test_a_probe_that_does_not_turn_hides_a_shift_from_a_fixed_point_but_not_from_the_tip():
+def test_a_probe_that_does_not_turn_tells_nothing_at_a_fixed_point_but_at_the_tip():
     truth, sightings = crosswire(1)
     poses = np.tile(np.eye(4), (20, 1, 1))
     poses[:, :3, 3] = -(truth @ sightings.points_px)
     sightings = PointSightings(sightings.points_px, np.zeros((20, 3)), poses)
     shifted = sc.Similarity(truth.rotation, truth.translation + np.array([3.0, 0, 4.0]), truth.scale)
-    assert fixed_point_spread(shifted, sightings).value_mm < 1e-9
+    with pytest.raises(sc.InputError, match=r"the probe turned by 0\.0 deg between sightings"):
+        fixed_point_spread(shifted, sightings)
     assert reconstruction_accuracy(shifted, sightings).value_mm == pytest.approx(5.0)
 
 
@@ -127,6 +128,11 @@ REFUSALS = [
     ("u_px,v_px,x_mm\n1,2,3\n", "wire.csv, line 1: lacks the columns y_mm, z_mm"),
     ("u_px,v_px,x_mm,y_mm,z_mm\n1,2,3,4,far\n", "wire.csv, line 2, column z_mm: 'far' is not a number"),
     ("u_px,v_px,x_mm,y_mm,z_mm\n1,nan,3,4,5\n", "wire.csv, row 0: points_px is not finite"),
+    ("u_px,v_px,x_mm,y_mm,z_mm\n1,2,3,4,1e200\n", "wire.csv, row 0: points_mm is further than 1e+09 away"),
+    (
+        "frame,u_px,v_px,x_mm,y_mm,z_mm\n1.5,2,3,4,5,6\n",
+        "wire.csv, column frame: some of it are no whole numbers",
+    ),
     ("u_px\n1\n", "wire.csv: needs a header with u_px, v_px"),
     (
         f"u_px,v_px,{POSE_HEADER}\n1,2,{IDENTITY.replace('1,0,0,10', '2,0,0,10')}\n",

@@ -16,6 +16,10 @@ from sonocal.validation.quantity import Quantity, rms_quantity
 __all__ = ["CrosswireFit", "fit_crosswire", "fixed_point_spread", "reconstruction_accuracy"]
 
 
+# Turned by less, a probe carries an error of its calibration along, to a twelfth of itself.
+LEAST_TURN_DEG = 5.0
+
+
 @dataclass(frozen=True, eq=False)
 class CrosswireFit:
     """A calibration from one fixed point seen from many poses.
@@ -66,7 +70,8 @@ def fixed_point_spread(probe_from_image: AxisScaled, sightings: PointSightings) 
     An error that every pose shares in the tracker's frame does not show: turn the probe between sightings.
 
     Raises:
-        InputError: the table has no poses, or no point is seen twice.
+        InputError: the table has no poses, no point is seen twice, or the probe hardly turned, so that no error of the
+            calibration would show.
 
     Source: point reconstruction precision, Hsu et al. 2008; Mercier et al. 2005, section 5.
     """
@@ -75,6 +80,12 @@ def fixed_point_spread(probe_from_image: AxisScaled, sightings: PointSightings) 
     counts = np.bincount(target)
     if counts.max() < 2:
         raise InputError(f"{sightings.source}: no point is seen twice; scan the cross-wire from many poses")
+    turned = float(np.degrees(_turned_rad(sightings.poses[:, :3, :3])))
+    if turned < LEAST_TURN_DEG:
+        raise InputError(
+            f"{sightings.source}: the probe turned by {turned:.1f} deg between sightings, so that no error of the "
+            "calibration shows; turn it by 30 deg or more, about two axes"
+        )
     mean = np.stack([np.bincount(target, column) / counts for column in reconstructed.T], axis=1)
     unbiased = np.sqrt(counts / np.maximum(counts - 1, 1))[target]
     errors = np.linalg.norm(reconstructed - mean[target], axis=1) * unbiased
@@ -144,6 +155,12 @@ def _linear_crosswire(poses: Array, pixels: Array) -> tuple[Similarity, Array, f
     rotation = np.column_stack([in_plane, np.cross(in_plane[:, 0], in_plane[:, 1])])
     rms = float(np.sqrt(np.sum((system @ solution - right) ** 2) / len(poses)))
     return Similarity(rotation, solution[6:9], values.mean()), solution[9:], rms
+
+
+def _turned_rad(rotations: Array) -> float:
+    """By how much the furthest of rotations (N, 3, 3) is turned against the first."""
+    traces = np.einsum("ij,nij->n", rotations[0], rotations)
+    return float(np.arccos(np.clip((traces.min() - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def _carried(poses: Array, points: ArrayLike) -> Array:

@@ -17,7 +17,7 @@ from sonocal.files.tables import (
     csv_text,
     parse_table,
 )
-from sonocal.geometry import Array
+from sonocal.geometry import FURTHEST, Array, real_array
 from sonocal.geometry.shown import brief
 
 __all__ = ["PLACE_COLUMNS", "POSE_COLUMNS", "PointSightings", "parse_point_sightings", "read_point_sightings"]
@@ -44,8 +44,8 @@ class PointSightings:
         sha256: digest of the file, or "".
 
     Raises:
-        InputError: a shape does not fit, a value is not finite, a pose is not rigid, or neither places nor
-            poses are given.
+        InputError: a shape does not fit, a value is not finite or further than 1e9 away, a pose is not rigid, or
+            neither places nor poses are given.
     """
 
     points_px: Array
@@ -59,7 +59,9 @@ class PointSightings:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        count = len(self.points_px)
+        for name in ("points_px", "points_mm", "tracker_from_probe"):
+            if (given := getattr(self, name)) is not None:
+                object.__setattr__(self, name, real_array(f"{self.source}: {name}", given))
         if self.points_mm is None and self.tracker_from_probe is None:
             raise InputError(
                 f"{self.source}: says neither where the points are ({', '.join(PLACE_COLUMNS)}) nor how the probe "
@@ -69,6 +71,7 @@ class PointSightings:
             raise InputError(
                 f"{self.source}: points_px must have shape (N, 2) or (N, 3); got {self.points_px.shape}"
             )
+        count = len(self.points_px)
         for name, shape in (("points_mm", (count, 3)), ("tracker_from_probe", (count, 4, 4))):
             value = getattr(self, name)
             if value is not None and value.shape != shape:
@@ -112,15 +115,15 @@ class PointSightings:
     def _check_values(self) -> None:
         for name in ("points_px", "points_mm", "tracker_from_probe"):
             value = getattr(self, name)
-            if value is not None and not np.all(np.isfinite(value)):
-                row = int(np.flatnonzero(~np.isfinite(value.reshape(len(value), -1)).all(axis=1))[0])
-                raise InputError(f"{self.source}, row {row}: {name} is not finite; leave out rows not seen")
+            if value is not None and not np.all(np.abs(value) < FURTHEST):
+                row = int(np.flatnonzero(~(np.abs(value.reshape(len(value), -1)) < FURTHEST).all(axis=1))[0])
+                what = f"further than {FURTHEST:g} away" if np.isfinite(value[row]).all() else "not finite"
+                raise InputError(f"{self.source}, row {row}: {name} is {what}; leave out rows not seen")
         if self.tracker_from_probe is None:
             return
         rotation = self.tracker_from_probe[:, :3, :3]
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
-            determinants = np.linalg.det(rotation)
+        off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
+        determinants = np.linalg.det(rotation)
         bad = np.flatnonzero(~(off <= NOT_RIGID) | (determinants < 0))
         if len(bad):
             raise InputError(
@@ -164,6 +167,10 @@ def parse_point_sightings(content: bytes, name: str) -> PointSightings:
     assert pixels is not None
     poses = numbers(POSE_COLUMNS)
     frame = numbers(("frame",))
+    if frame is not None and not np.all((np.abs(frame) < 2**53) & (frame == np.trunc(frame))):
+        raise InputError(
+            f"{name}, column frame: some of it are no whole numbers; rows of one image share its number"
+        )
     return PointSightings(
         points_px=pixels,
         points_mm=numbers(PLACE_COLUMNS),
