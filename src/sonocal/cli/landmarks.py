@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
-import numpy as np
 
 from sonocal.cli.options import console
 from sonocal.cli.outputs import reserve
@@ -190,6 +189,8 @@ def _by(found: PhantomRegistration) -> str:
 
 def _targets(found: PhantomRegistration, read: _Phantom, output: Path) -> bytes:
     """The phantom's wires and planes, or its landmarks where it has none, in the frame that it is registered in."""
+    import numpy as np
+
     from sonocal.targets import Line, Plane, Point, lines_toml
 
     motion = found.reference_from_phantom

@@ -7,7 +7,6 @@ import time
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
 
 from sonocal.cli.screen.plain import say
 from sonocal.errors import InputError
@@ -138,6 +137,8 @@ def _change(where: str, name: str, held: HeldTransform | None, matrix: Array, ar
 
 
 def _moved(held: HeldTransform, matrix: Array, area_px: Array) -> float:
+    import numpy as np
+
     from sonocal.geometry import area_places, homogeneous_points
 
     corners = homogeneous_points(area_places(area_px))

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sonocal.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,6 +43,8 @@ def place_of_tip(value: tuple[float, ...] | Path, tool: str) -> Array:
     Raises:
         InputError: the file holds no tip of that tool, or several.
     """
+    import numpy as np
+
     from sonocal.cli.formats import kind_of
     from sonocal.tools import stylus_tip
 
@@ -66,6 +66,8 @@ def expected_tip(found: ToolCalibration, value: tuple[float, ...] | Path) -> Exp
     Raises:
         InputError: no tip was found, or the file holds none.
     """
+    import numpy as np
+
     from sonocal.registration.uncertainty import radius_95
     from sonocal.tools import PivotCalibration
 
