@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sonocal import _core
 from sonocal.errors import DegenerateGeometryError, MirroredVolumeError, NoConsensusError
@@ -17,7 +16,12 @@ from sonocal.registration.fit import Fit
 from sonocal.registration.options import Options
 from sonocal.registration.rows import PointLineRows
 
-__all__ = ["far_more", "mirrored_finding", "refuse_mirrored_target", "refuse_mirrored_volume"]
+__all__ = [
+    "far_more",
+    "mirrored_finding",
+    "refuse_mirrored_target",
+    "refuse_mirrored_volume",
+]
 
 # Taken otherwise, this many times as many rows must agree as do as they stand: where most of all rows do, and where a
 # part does, as of several candidates for one needle.
@@ -26,7 +30,7 @@ GAIN_OF_MOST, GAIN_OF_PART = 1.25, 2.0
 MOST_OF_TARGET = 0.8
 # Of seven correspondences of which a fifth are wrong, so many samples find one without any but once in 100 000 times.
 MIRRORED_SAMPLES = 50
-# Of squared lengths: thinner than that, points are those of an image, which is its own mirror.
+# Of squared lengths: thinner than that, points are those of an image.
 FLAT = 1e-12
 
 
@@ -68,22 +72,21 @@ def far_more(agreeing: int, before: int, count: int) -> bool:
     return agreeing > (GAIN_OF_MOST if 2 * agreeing > count else GAIN_OF_PART) * before
 
 
-def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool_], scale: float) -> None:
-    """Name the mirror where few correspondences agree, as those near a plane do, and nearly all would when mirrored.
+def refuse_mirrored_target(rows: Rows, options: Options, agreeing: int) -> None:
+    """Name the mirror where few correspondences agree, and nearly all would when mirrored.
+
+    Of a mirrored volume those agree that lie near a plane, or by chance: as many as of a set with many outliers.
 
     Args:
         rows: the correspondences.
         options: how they were fitted.
-        inlier: (C,): which of them agree as they stand.
-        scale: of the similarity with which they do.
+        agreeing: how many of them agree as they stand.
 
     Raises:
-        MirroredVolumeError: mirrored, most of them do, and at least twice as many.
+        MirroredVolumeError: mirrored, most of them do, and far more than as they stand.
     """
-    agreeing, count = int(np.count_nonzero(inlier)), len(inlier)
-    if GAIN_OF_PART * agreeing >= count or options.threshold_mm == "auto":
-        return
-    if not _near_a_plane(rows.points[np.repeat(inlier, np.diff(rows.first))], options.threshold_mm / scale):
+    count = len(rows.first) - 1
+    if GAIN_OF_MOST * agreeing >= count or options.threshold_mm == "auto" or _is_flat(rows.points):
         return
     points = np.ascontiguousarray(rows.points * [1.0, 1.0, -1.0])
     table = _core.Table.of_planes(points, rows.planes, rows.first)
@@ -92,7 +95,7 @@ def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool
     if not other.found:
         return
     mirrored = int(np.count_nonzero(other.residuals_mm <= options.threshold_mm))
-    if mirrored < MOST_OF_TARGET * count or mirrored <= GAIN_OF_PART * agreeing:
+    if mirrored < MOST_OF_TARGET * count or not far_more(mirrored, agreeing, count):
         return
     raise MirroredVolumeError(
         f"the correspondences fit when one of the two sides is mirrored: {mirrored} of {count} agree then, and no more "
@@ -101,11 +104,11 @@ def refuse_mirrored_target(rows: Rows, options: Options, inlier: NDArray[np.bool
     )
 
 
-def _near_a_plane(points: Array, within: float) -> bool:
-    """Whether points (N, 3) lie nearer to a plane than that (rms), where a mirror leaves them; in it, all do."""
+def _is_flat(points: Array) -> bool:
+    """Whether points (N, 3) are those of an image, which is its own mirror."""
     away = points - points.mean(axis=0)
     least, middle, _ = np.linalg.eigvalsh(away.T @ away / len(points))
-    return bool(FLAT * middle < least <= within * within < middle)
+    return bool(least <= FLAT * middle)
 
 
 def mirrored_finding(agreeing: int, count: int, otherwise: str = "") -> Diagnostic:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sonocal import _core
-from sonocal.errors import DegenerateGeometryError, InputError, NoConsensusError, require
+from sonocal.errors import DegenerateGeometryError, InputError, MirroredVolumeError, NoConsensusError, require
 from sonocal.geometry import Array, Similarity
 from sonocal.registration.alternatives import alternatives_to
 from sonocal.registration.certificate import Certificate, LazyCertificate, certificate_of
@@ -131,8 +131,8 @@ def register(
         refine: False: the answer of the consensus, before it is refined to convergence.
         weighting: "likelihood" weighs residuals by the noise they carry; "geometric", and a mix with planes that are
             not given by points, takes all distances alike.
-        threshold_mm: correspondences within this distance agree, in units of the target; "auto" (points or
-            lines on lines only): from the noise.
+        threshold_mm: correspondences within this distance agree, in units of the target; "auto" (points of
+            an image, or lines of a volume, on lines only): from the noise.
         sigma_px: noise of a source point along every axis, where known; for the likelihood.
         sigma_mm: noise of a point that spans a target along every axis, where known; for the likelihood. (C,): of
             each correspondence's distance; what counts are their ratios.
@@ -181,12 +181,18 @@ def register(
 
 def _registered(constraints: Rows, options: Options, told: Told, *, refine: bool) -> Registration:
     """Correspondences that all differ, by the fastest way that they have."""
-    found = (
-        _register_lines(constraints, constraints.lines, options)
-        if constraints.lines is not None and refine and told.weights is None
-        else _register_mix(constraints, options, told, refine=refine)
-    )
-    refuse_mirrored_target(constraints, options, found.inlier, float(found.target_from_source.scale))
+    try:
+        found = (
+            _register_lines(constraints, constraints.lines, options)
+            if constraints.lines is not None and refine and told.weights is None
+            else _register_mix(constraints, options, told, refine=refine)
+        )
+    except MirroredVolumeError:
+        raise
+    except NoConsensusError as error:
+        refuse_mirrored_target(constraints, options, error.best_count or 0)
+        raise
+    refuse_mirrored_target(constraints, options, int(np.count_nonzero(found.inlier)))
     return found
 
 
@@ -231,7 +237,8 @@ def _consensus_of_mix(
     """What most correspondences agree with, refined on those by least squares."""
     if options.threshold_mm == "auto":
         raise InputError(
-            'threshold_mm="auto" needs points or lines on lines alone; give a mix a threshold in mm'
+            'threshold_mm="auto" needs points of an image, or lines of a volume, on lines alone; give others a '
+            "threshold in mm"
         )
     found = _core.estimate_correspondences(
         constraints.core, options.to_core(0, 0), refine=refine, weights=told.weights
