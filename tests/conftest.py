@@ -10,6 +10,15 @@ settings.load_profile("sonocal")
 DATA = Path(__file__).parent.parent.parent / "shared" / "data"
 
 
+@pytest.fixture
+def few_images(monkeypatch):
+    """The sample recording, wherever it is made, is small: where a test is not of that recording."""
+    from sonocal.simulation import sample
+    from tests.builders.samples import small_sample
+
+    monkeypatch.setattr(sample, "sample_sweep", small_sample)
+
+
 @pytest.fixture(scope="session")
 def data_folder():
     if not DATA.is_dir():

@@ -32,7 +32,7 @@ def said(rows, **options):
 @pytest.mark.parametrize("weighting", ["likelihood", "geometric"])
 def test_voxels_of_another_length_along_one_axis_are_found_and_the_axis_is_named(axis, weighting):
     stretched = tuple(1.1 if one == axis else 1.0 for one in range(3))
-    for seed in range(20):
+    for seed in range(6):
         (message,) = said(rows_of(seed, 3, 30, stretched), weighting=weighting)
         assert f"mm/px; {'uvw'[axis]} is +" in message
         assert "sound of" not in message
@@ -41,7 +41,7 @@ def test_voxels_of_another_length_along_one_axis_are_found_and_the_axis_is_named
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("speed", [1482.0, 1600.0])
 def test_a_stretch_of_depth_names_the_speed_of_sound(speed, dimension):
-    for seed in range(20):
+    for seed in range(6):
         rows = rows_of(seed, dimension, 200, (1.0, speed / 1540.0, 1.0)[:dimension])
         (message,) = said(rows)
         named = float(message.split("sound of ")[1].split(" m/s")[0])
@@ -50,7 +50,7 @@ def test_a_stretch_of_depth_names_the_speed_of_sound(speed, dimension):
 
 @pytest.mark.parametrize("count", [6, 10, 20, 60])
 def test_cubes_are_not_accused(count):
-    assert sum(bool(said(rows_of(seed, 3, count))) for seed in range(50)) <= 2
+    assert sum(bool(said(rows_of(seed, 3, count))) for seed in range(20)) <= 1
 
 
 def test_wires_that_are_off_are_no_stretch():

@@ -68,10 +68,10 @@ def said_of(rows):
 @pytest.mark.parametrize("moved", [along_rays(0.06), along_rays(-0.06), growing(0.06)])
 def test_a_distortion_is_found(moved):
     warned = 0
-    for seed in range(20):
+    for seed in range(6):
         found = sc.calibrate(rows_of(seed, 200, moved), image_size_px=(500, 500))
         warned += bool(found.warnings)
-    assert warned == 20
+    assert warned == 6
 
 
 def test_the_form_is_named_where_forms_are_unlike():
@@ -83,7 +83,7 @@ def test_the_form_is_named_where_forms_are_unlike():
 
 @pytest.mark.parametrize("count", [10, 30, 200])
 def test_sound_images_are_not_accused(count):
-    assert sum(bool(said(rows_of(seed, count))) for seed in range(100)) <= 3
+    assert sum(bool(said(rows_of(seed, count))) for seed in range(30)) <= 1
 
 
 def test_a_form_that_the_transform_takes_up_is_not_tested():
@@ -149,5 +149,5 @@ def test_a_scan_of_the_middle_of_the_image_is_judged_by_the_corners():
 
 @pytest.mark.parametrize("count", [10, 40, 150])
 def test_sound_volumes_are_not_accused(count):
-    rows = (simulate_observations(3, count, seed=seed).observations for seed in range(40))
+    rows = (simulate_observations(3, count, seed=seed).observations for seed in range(15))
     assert sum(bool(said_of(one)) for one in rows) <= 1

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from benchmarks.comparison import needle_scan
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -18,7 +18,7 @@ from tests.builders.similarities import random_similarity
 
 CODE = "held-out-rows-off"
 CODES = {CODE, "held-out-rows-far-off"}
-SEEDS = range(60)
+SEEDS = range(30)
 
 
 def surprised(rows, **options):
@@ -27,25 +27,25 @@ def surprised(rows, **options):
 
 
 def test_held_out_rows_of_the_same_scan_are_no_surprise():
-    assert sum(bool(surprised(parted_rows(seed))) for seed in SEEDS) <= 2
+    assert sum(bool(surprised(parted_rows(seed))) for seed in SEEDS) <= 1
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("fitted, unseen", [(8, 100), (50, 50)])
-def test_few_fitted_rows_are_no_surprise_to_many_that_are_not(fitted, unseen, dimension):
+@pytest.mark.parametrize(("fitted", "unseen", "scans", "most"), [(8, 100, 60, 2), (50, 50, 20, 1)])
+def test_few_fitted_rows_are_no_surprise_to_many_that_are_not(fitted, unseen, scans, most, dimension):
     # The mean of few squares is as unsure as that of many held-out ones is sure: 6 % were accused for (8, 100) in 3D.
     said = 0
-    for seed in range(100):
+    for seed in range(scans):
         rng = np.random.default_rng([seed, dimension, fitted, unseen])
         truth = (Rotation.random(random_state=seed).as_matrix(), rng.uniform(-100, 100, 3))
         rows = needle_scan(rng, truth, dimension, fitted + unseen)
         rows = dataclasses.replace(rows, split=np.where(rows.frame < fitted, "fit", "test"))
         said += bool(surprised(rows, image_size_px=(500,) * dimension))
-    assert said <= 4
+    assert said <= most
 
 
 def test_held_out_rows_that_moved_are_a_surprise():
-    assert sum(bool(surprised(parted_rows(seed, moved_mm=4.0))) for seed in SEEDS) >= 58
+    assert sum(bool(surprised(parted_rows(seed, moved_mm=4.0))) for seed in SEEDS) >= 29
 
 
 def test_the_finding_has_validations_number():
@@ -65,6 +65,7 @@ def test_validation_finds_the_same_in_the_same_rows_elsewhere():
     assert [finding for finding in said if finding.code == CODE] == surprised(rows)
 
 
+@settings(max_examples=12)
 @given(st.integers(0, 300), st.floats(0, 8), st.floats(0, 8))
 def test_the_further_off_the_more_surprising(seed, one, other):
     less, more = sorted([one, other])
@@ -72,6 +73,7 @@ def test_the_further_off_the_more_surprising(seed, one, other):
         assert surprised(parted_rows(seed, moved_mm=more))
 
 
+@settings(max_examples=10)
 @given(st.integers(0, 300), st.sampled_from([0.0, 4.0]))
 def test_moving_the_probe_marker_changes_nothing_of_it(seed, moved_mm):
     rows, marker = parted_rows(seed, moved_mm=moved_mm), random_similarity(seed, scale=1.0)

@@ -66,18 +66,18 @@ def test_a_known_scale_is_the_answer_whatever_it_is_and_six_numbers_are_unsure(s
 def test_the_answer_of_the_true_scale_is_within_the_free_answers_interval(name, dimension):
     """The two share their noise: what is between them is what the free scale took up."""
     inside = 0
-    for seed in range(40):
+    for seed in range(20):
         rows = SCANS[name](seed, dimension)[0]
         (test, *_) = sc.calibrate(rows, scale_mm_per_px=SCALE).models
         assert test.wider_mm_per_px[0] == pytest.approx(sc.calibrate(rows).probe_from_image.scale, rel=2e-3)
         inside += abs(np.log1p(test.apart)) <= test.apart_95
-    assert inside >= 34  # 38 expected; fewer than 34 in 1 of 80
+    assert inside >= 16  # 19 expected; fewer than 16 in 1 of 390
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_covariance_beside_a_known_scale_holds_the_truth(dimension):
     inside = 0
-    for seed in range(60):
+    for seed in range(30):
         rows, truth = SCANS["moved"](seed, dimension)
         found = sc.calibrate(rows, scale_mm_per_px=SCALE)
         from_truth = found.probe_from_image.rotation @ truth.rotation.T
@@ -85,7 +85,7 @@ def test_the_covariance_beside_a_known_scale_holds_the_truth(dimension):
         error = np.r_[turn, found.probe_from_image.translation - truth.translation]
         square = error @ np.linalg.solve(found.covariance, error) / 6
         inside += square <= f_distribution.ppf(0.95, 6, found.noise.freedom)
-    assert inside >= 51  # 57 expected; fewer than 51 in 1 of 100
+    assert inside >= 25  # 28 expected; fewer than 25 in 1 of 300
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -100,14 +100,14 @@ def test_a_known_scale_makes_the_answer_surer(dimension):
 @pytest.mark.parametrize("name", SCANS)
 def test_a_scale_that_is_far_off_is_named_whether_or_not_rows_agree_with_it(name, off):
     """What agrees with it, by chance or by a drift, has an answer from which no refinement finds that of the rows."""
-    for seed in range(300, 312):
+    for seed in range(300, 305):
         told = told_of_scale(SCANS[name](seed, 2 + seed % 2)[0], SCALE * (1 + off))
         assert "the rows contradict the scale that was given" in told, seed
 
 
 @pytest.mark.parametrize("spoil", SPOILT.values())
 def test_the_true_scale_is_not_suspected_beside_rows_that_are_wrong(spoil):
-    for seed in range(300, 310):
+    for seed in range(300, 304):
         rows = spoil(SCANS["moved"](seed, 2 + seed % 2)[0], np.random.default_rng(seed))
         assert "the rows contradict the scale" not in told_of_scale(rows, SCALE), seed
 
@@ -123,7 +123,7 @@ def told_of_scale(rows, scale):
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("off", [-0.3, -0.05, -0.02, 0.02, 0.05, 0.3])
 def test_a_wrong_scale_is_told_and_never_ends_in_use_it(dimension, off):
-    for seed in range(6):
+    for seed in range(3):
         rows = SCANS["moved"](seed, dimension)[0]
         try:
             found = sc.calibrate(rows, scale_mm_per_px=SCALE * (1 + off))
@@ -159,7 +159,7 @@ def test_a_scale_that_the_rows_cannot_check_is_told():
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("name", SCANS)
 def test_sound_scans_are_not_accused(name, dimension):
-    for seed in range(1000, 1020):
+    for seed in range(1000, 1008):
         found = sc.calibrate(SCANS[name](seed, dimension)[0], scale_mm_per_px=SCALE)
         assert {one.narrower for one in found.models} == {"rigid", "similarity"}
         assert all(one.p_value > 1e-3 for one in found.models)

@@ -28,6 +28,8 @@ FEWER = {
     "study needles": ["--trials", "3", "-o", "few"],
     "study needles --trials 100 -o quick": ["--trials", "3"],
     "simulate -o simulated": ["--frames", "12"],
+    "simulate --target walls --look bath --frames 120 -o tank": ["--frames", "12"],
+    "reconstruct sweep.igs.mha calibration.json -o fine.nrrd --spacing 0.25 --threads 2": ["--spacing", "1"],
     "live --connect localhost:18944 --lines needle.toml": ["--images", "60"],
     "live --connect localhost:18944 --lines needle.toml --until 0.5mm -o today": ["--images", "60"],
     "simulate --probe linear --look bath --frames 200 -o in-water": ["--frames", "12"],
@@ -139,7 +141,7 @@ def there(files, request, monkeypatch):
         yield
 
 
-@pytest.mark.usefixtures("there")
+@pytest.mark.usefixtures("there", "few_images")
 @pytest.mark.parametrize("line", [line for name in COMMANDS for line in main.commands[name].examples])
 def test_every_example_runs(line, files, tmp_path, monkeypatch):
     monkeypatch.chdir(copy_of(files, tmp_path))

@@ -9,6 +9,7 @@ FOLDER = Path(__file__).parents[2] / "examples"
 SCRIPTS = sorted(FOLDER.glob("*.py"))
 
 
+@pytest.mark.usefixtures("few_images")
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_a_script_runs_and_says_something(script, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -234,7 +234,7 @@ def newton(points, planes, scale, starts=200, steps=25):
         j = np.concatenate([np.cross(arms, n), np.broadcast_to(n, arms.shape)], axis=2)
         if not scale:
             j = np.concatenate([j, np.einsum("nj,knj->kn", n, arms)[..., None]], axis=2)
-        step = -(np.linalg.pinv(j, rcond=1e-12) @ left[..., None])[..., 0]
+        step = -np.linalg.solve(j, left[..., None])[..., 0]
         step *= np.minimum(1, 0.5 / np.maximum(np.linalg.norm(step[:, :3], axis=1), 1e-30))[:, None]
         r = Rotation.from_rotvec(step[:, :3]).as_matrix() @ r
         t = t + step[:, 3:6]

@@ -69,7 +69,7 @@ def test_what_noise_makes_of_residuals_is_what_moving_every_number_finds(mix, fl
         turned = Rotation.from_rotvec(v[:3]).as_matrix() @ at.rotation
         return weighed_residuals(rows, Similarity(turned, v[3:6], float(np.exp(v[6]))), 1.0, 1.0)
 
-    best = least_squares(residuals, start, x_scale=[1e-3, 1e-3, 1e-3, 1, 1, 1, 1e-3], xtol=1e-12, ftol=1e-12)
+    best = least_squares(residuals, start, x_scale=[1e-3, 1e-3, 1e-3, 1, 1, 1, 1e-3], xtol=1e-8, ftol=1e-8)
     # SciPy's answer is ours to a part of what the data leave open.
     deviations = np.sqrt(np.diag(found.covariance.matrix))
     assert np.all(np.abs(best.x - start) < 0.1 * deviations)

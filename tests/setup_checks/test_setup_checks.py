@@ -33,9 +33,9 @@ from sonocal.setup_checks import (
 from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.rows_in_time import RowsInTime
 
-SEEDS = range(50)
+SEEDS = range(20)
 # Of 50 scans: found in at least, raised without cause in at most.
-FOUND, FALSE = 48, 2
+FOUND, FALSE = 19, 1
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -36,12 +36,12 @@ def test_an_offset_of_the_tracker_s_frame_is_named_and_counted():
 
 
 def test_a_sound_recording_has_none():
-    assert sum(named(Case(sound(seed, 100))) for seed in range(30)) <= 1
+    assert sum(named(Case(sound(seed, 100))) for seed in range(12)) <= 1
 
 
 @pytest.mark.parametrize("make", [drift, wandering])
 def test_a_marker_that_drifts_is_not_called_an_offset(make):
-    assert sum(named(make(seed, 2.0)) for seed in range(30)) <= 1
+    assert sum(named(make(seed, 2.0)) for seed in range(12)) <= 1
 
 
 @pytest.mark.parametrize("turned", [slice(0, 0), slice(3, 5)])

@@ -6,7 +6,7 @@ from benchmarks.twins import outcomes
 
 from sonocal.sweep import calibrate_recording
 
-SEEDS = range(8)
+SEEDS = range(3)  # of benchmarks/twins.py, which has the table of fifty
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -35,4 +35,4 @@ def test_of_a_needle_and_its_echo_the_needle_is_chosen_however_bright_the_echo_i
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_needle_alone_is_not_accused(dimension):
-    assert outcomes(range(20), dimension=dimension)["named"] == 0
+    assert outcomes(range(8), dimension=dimension)["named"] == 0

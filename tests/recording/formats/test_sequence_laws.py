@@ -56,7 +56,7 @@ def assert_read_as_written(recording, again):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(recording=recordings())
 def test_any_recording_is_read_as_it_was_written(tmp_path_factory, suffix, recording):
     path = tmp_path_factory.mktemp("written") / f"sweep{suffix}"
@@ -65,7 +65,7 @@ def test_any_recording_is_read_as_it_was_written(tmp_path_factory, suffix, recor
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(recording=recordings(names=HOSTILE, frames=HOSTILE, text=HOSTILE))
 def test_hostile_names_are_kept_or_refused(tmp_path_factory, suffix, recording):
     folder = tmp_path_factory.mktemp("hostile")
