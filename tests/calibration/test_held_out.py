@@ -31,7 +31,7 @@ def test_held_out_rows_of_the_same_scan_are_no_surprise():
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize(("fitted", "unseen", "scans", "most"), [(8, 100, 60, 2), (50, 50, 20, 1)])
+@pytest.mark.parametrize(("fitted", "unseen", "scans", "most"), [(8, 100, 100, 3), (50, 50, 20, 1)])
 def test_few_fitted_rows_are_no_surprise_to_many_that_are_not(fitted, unseen, scans, most, dimension):
     # The mean of few squares is as unsure as that of many held-out ones is sure: 6 % were accused for (8, 100) in 3D.
     said = 0

@@ -56,7 +56,7 @@ def run(*arguments):
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
-    write_sweep(simulate_sweep(curvilinear(), BATH, SweepOptions(frames=40, hidden_share=0, seed=3)), folder)
+    write_sweep(simulate_sweep(curvilinear(), BATH, SweepOptions(frames=24, hidden_share=0, seed=3)), folder)
     rows = simulate_observations(2, 30, seed=1).observations
     sc.write_observations(rows, folder / "table.csv")
     shutil.copy(folder / "sweep.igs.mha", folder / "observations.csv")
@@ -79,6 +79,7 @@ def contents(folder):
     return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
+@pytest.mark.usefixtures("few_images")
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_second_run_touches_nothing_unless_told(here, command):
     assert run(*COMMANDS[command]).exit_code == 0

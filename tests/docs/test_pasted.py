@@ -28,6 +28,8 @@ from tests.builders.pasted import (
 
 # Commands of sonocal that run with fewer trials or images than a reader has the patience for.
 INSTEAD = {
+    "sonocal simulate --target walls --look bath --frames 60 -o tank": "sonocal simulate --target walls --look bath "
+    "--frames 20 -o tank",
     "sonocal study paper-2d": "sonocal study paper-2d --trials 5",
     "sonocal study needles --trials 10000": "sonocal study needles --trials 3 -o few",
     "sonocal study needles --workers 8": "sonocal study needles --trials 3 --workers 1 -o few",
@@ -110,6 +112,7 @@ def run_command(typed, files):
     assert done.exit_code == 0, f"{typed}\n{done.output}"
 
 
+@pytest.mark.usefixtures("few_images")
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks_in(text_of(page))], ids=id_of)
 def test_a_page_runs_from_top_to_bottom(page, files, tmp_path, monkeypatch):
     """Commands and Python one after the other: each finds the files as they were and what those before it made."""

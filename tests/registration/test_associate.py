@@ -96,19 +96,19 @@ def test_motions_of_a_hexagon_onto_itself():
 def test_shuffled_poses_and_noise_are_no_answers():
     rng, dots = scan_of(8, lambda rng: phantoms.random_wires(rng, 6))
     shuffled = phantoms.Dots(dots.points, dots.frame, dots.truth, dots.wires[rng.permutation(20)])
-    assert found_in(shuffled, max_hypotheses=300_000).verdict != "found"
+    assert found_in(shuffled, max_hypotheses=100_000).verdict != "found"
     low, high = dots.points.min(axis=0), dots.points.max(axis=0)
     noise = phantoms.Dots(rng.uniform(low, high, dots.points.shape), dots.frame, dots.truth, dots.wires)
-    assert found_in(noise, max_hypotheses=300_000).verdict == "nothing fits"
+    assert found_in(noise, max_hypotheses=100_000).verdict == "nothing fits"
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_of_a_phantom_whose_wires_are_elsewhere_no_labels_are_found(seed):
     rng, dots = scan_of(seed, lambda rng: phantoms.random_wires(rng, 9))
     moved = rng.normal(size=(9, 1, 3))
     moved *= 6.0 / np.linalg.norm(moved, axis=2, keepdims=True)
     elsewhere = phantoms.Dots(dots.points, dots.frame, dots.truth, dots.wires + moved)
-    assert found_in(elsewhere, max_hypotheses=300_000).verdict != "found"
+    assert found_in(elsewhere, max_hypotheses=100_000).verdict != "found"
 
 
 def test_wires_that_are_not_in_view_are_to_be_left_out():

@@ -104,7 +104,7 @@ def test_shuffled_poses_other_wires_and_noise_are_no_answers_in_volumes(seed, fa
         "other wires": (dots.points, dots.wires + away),
         "noise": (rng.uniform(low, high, dots.points.shape), dots.wires),
     }[fault]
-    found = reg.associate(points, wires, frame=dots.frame, max_hypotheses=20_000, time_limit_s=60.0)
+    found = reg.associate(points, wires, frame=dots.frame, max_hypotheses=6_000, time_limit_s=60.0)
     assert found.verdict != "found", found.reason
 
 
@@ -136,8 +136,7 @@ def crossed_wires():
     return np.array(upper + lower)
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("frames", [1, 20])
+@pytest.mark.parametrize(("seed", "frames"), [(0, 1), (1, 20), (2, 1)])
 def test_wires_that_are_alike_when_turned_are_ambiguous_and_named_where_volumes_stand_still(seed, frames):
     rng = np.random.default_rng(seed)
     dots = phantoms.scan_volumes(rng, crossed_wires(), frames, turn_rad=0.0005, shift_mm=(0.1, 0.1, 0.1))

@@ -27,8 +27,9 @@ def registered(scene, *targets, **options):
     return register_unplaced(points, scene.poses, targets, frame=scene.frame, **options)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("lag_s", [0.07, -0.15])
+@pytest.mark.parametrize(
+    ("kind", "lag_s"), [("point", 0.07), ("line", -0.15), ("line", 0.07), ("plane", -0.15)]
+)
 def test_a_lag_is_found_with_the_place_and_undone(kind, lag_s):
     scene, time_s = tank_sweep(kind, 5, lag_s=lag_s, frames=200, noise=Noise())
     found = registered(scene, UnplacedTarget(kind), time_s=time_s)

@@ -76,7 +76,7 @@ def test_undo_leads_back_to_the_start_whatever_was_done():
 def test_kills_at_random_moments_lose_no_click_that_was_told_to_be_kept(sweep, tmp_path):
     source, lines = sweep
     rng, told, sent = random.Random(11), set(), 0
-    for _ in range(8):
+    for _ in range(4):
         with running(tmp_path / "studio", source, "--lines", lines) as one:
             one.cookie()
             with one.events() as socket:
@@ -94,6 +94,6 @@ def test_kills_at_random_moments_lose_no_click_that_was_told_to_be_kept(sweep, t
                     timer.join()
     lines_kept = (tmp_path / "studio" / "session.jsonl").read_bytes().split(b"\n")[1:-1]
     kept = [json.loads(line)["id"] for line in lines_kept]
-    assert len(told) >= 8
+    assert len(told) >= 4
     assert told <= set(kept)
     assert len(kept) == len(set(kept))

@@ -22,11 +22,11 @@ from tests.builders.readers import (
 
 MEMORY_LIMIT = 64 << 20
 # Of numbers in one file: the first ones are of the header and of every kind of column.
-MOST_PLACES = 30
+MOST_PLACES = 12
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(data=st.data(), change=damage())
 def test_damaged_files_end_in_a_sentence(tmp_path_factory, name, data, change):
     content = data.draw(st.sampled_from(sound_files(name)))
