@@ -21,12 +21,14 @@ class Made(NamedTuple):
         kind: the class.
         codes: that it can have; a hole in a code is ``*``.
         message: the parts of its message that are always the same.
+        ends: how its message and its advice end, where that is always the same.
         line: in its file.
     """
 
     kind: str
     codes: frozenset[str]
     message: tuple[str, ...]
+    ends: tuple[str, ...]
     line: int
 
 
@@ -51,7 +53,8 @@ def made_in(source: str) -> Iterator[Made]:
 
 def made(kind: str, given: dict[str, ast.expr], call: ast.Call, tree: ast.Module) -> Made:
     message = given.get("message")
-    return Made(kind, frozenset(codes_of(given["code"], tree)), fixed_parts(message), call.lineno)
+    ends = tuple(end for name in ("message", "advice") if (end := fixed_end(given.get(name))))
+    return Made(kind, frozenset(codes_of(given["code"], tree)), fixed_parts(message), ends, call.lineno)
 
 
 def name_of(call: ast.Call) -> str:
@@ -99,3 +102,9 @@ def fixed_parts(message: ast.expr | None) -> tuple[str, ...]:
         return ()
     parts = [part.value for part in message.values if isinstance(part, ast.Constant)]
     return tuple(" ".join(part.split()) for part in parts if part.strip())
+
+
+def fixed_end(text: ast.expr | None) -> str:
+    """The last letters of a text; none where they depend on something."""
+    last = text.values[-1] if isinstance(text, ast.JoinedStr) and text.values else text
+    return str(last.value)[-3:] if isinstance(last, ast.Constant) else ""

@@ -130,3 +130,15 @@ def test_what_is_wrong_with_the_input_is_said_before_where_results_would_go(
     done = CliRunner().invoke(main, command)
     assert done.exit_code == 1
     assert done.output.startswith(f"Error: {SWAPPED[command]}")
+
+
+@pytest.mark.parametrize("columns", [3, 4])
+@pytest.mark.parametrize("separator", [" ", ",", ";", "\t"])
+def test_a_matrix_that_lacks_a_part_is_no_table_without_a_header(tmp_path, columns, separator):
+    path = tmp_path / "a.txt"
+    row = separator.join(["0.5"] * columns)
+    path.write_text("# of some program\n" + f"{row}\n" * 3)
+    words = {3: "3 rows of 3 numbers, a rotation without a place", 4: "a 4 x 4 matrix without its last row"}
+    done = CliRunner().invoke(main, ["info", str(path)])
+    assert done.exit_code == 1
+    assert words[columns] in " ".join(done.stderr.split())

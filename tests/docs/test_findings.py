@@ -83,6 +83,12 @@ def test_examples_have_the_words_that_the_program_says():
         assert any(shown) or not messages, f"{code}: {messages}"
 
 
+def test_a_message_and_an_advice_end_without_a_mark():
+    """What prints them ends their sentence."""
+    assert [f"{path}:{one.line}" for path, one in MADE if any(end[-1] in ".?!,;:" for end in one.ends)] == []
+    assert sum(len(one.ends) > 0 for _, one in MADE) > 0.5 * len(MADE)
+
+
 def test_most_messages_can_be_compared():
     assert sum(bool(one.message) for _, one in MADE) > 0.9 * len(MADE)
 

@@ -57,7 +57,7 @@ ODD = {
         SCALE,
         "mirrors: its third column points against the image's normal",
     ),
-    "rigid-matrix": (np.eye(3), 1.0, "scales nothing: by it a pixel is 1 mm wide; are its pixels not in mm?"),
+    "rigid-matrix": (np.eye(3), 1.0, "scales nothing: it is from mm, or by it a pixel is 1 mm wide"),
     "inverted-matrix": (
         np.eye(3),
         5.0,

@@ -1,5 +1,7 @@
 """Datasets of HDF5, beside h5py."""
 
+import struct
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 
 from sonocal import FormatError, InputError, UnsupportedError
 from sonocal.cli.formats import calibration_in, format_of
-from sonocal.files.hdf5 import Damaged, open_hdf5
+from sonocal.files.hdf5 import Damaged, Filtered, open_hdf5
 from sonocal.files.hdf5_bytes import Bytes
 from sonocal.files.hdf5_data import CHUNKED, Dataset
 from sonocal.recording.formats import read_recording
@@ -75,13 +77,58 @@ def test_what_was_never_written_is_no_whole_dataset(tmp_path):
             found.all()
 
 
-@pytest.mark.parametrize("how", [{"compression": "lzf"}, {"chunks": (1, 4), "libver": "latest"}])
-def test_what_is_stored_otherwise_is_said(tmp_path, how):
-    version = {"libver": how.pop("libver", "earliest")}
-    with h5py.File(tmp_path / "a.h5", "w", **version) as file:
-        file.create_dataset("numbers", data=np.ones((8, 4), "u1"), **how)
-    with pytest.raises(Damaged, match=r"lie otherwise|filter 32000"):
+def test_what_is_stored_otherwise_is_said(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w", libver="latest") as file:
+        file.create_dataset("numbers", data=np.ones((8, 4), "u1"), chunks=(1, 4))
+    with pytest.raises(Damaged, match="lie otherwise"):
         open_hdf5(tmp_path / "a.h5").members()["numbers"].dataset().all()
+
+
+OTHERS = {
+    4: "szip",
+    5: "n-bit",
+    307: "bzip2",
+    32000: "lzf",
+    32001: "Blosc",
+    32015: "Zstandard",
+    40000: "of HDF5",
+}
+
+
+def filtered(path, number, **datasets):
+    """A file of datasets that state a filter of some number: that of gzip, changed in their headers."""
+    with h5py.File(path, "w") as file:
+        for name, (numbers, compression) in datasets.items():
+            file.create_dataset(name.replace("__", "/"), data=numbers, compression=compression)
+    content, gzip = path.read_bytes(), struct.pack("<HHHH", 1, 8, 1, 1) + b"deflate\0"
+    assert gzip in content
+    path.write_bytes(content.replace(gzip, struct.pack("<H", number) + gzip[2:]))
+
+
+@pytest.mark.parametrize("number", OTHERS)
+def test_a_filter_that_is_not_read_is_named_before_anything_is_read(tmp_path, number):
+    """Of either dataset of a scan, and of a transform: no file is called damaged for it."""
+    frames, tforms = np.zeros((4, 8, 9), "u1"), np.tile(np.eye(4, dtype="f4"), (4, 1, 1))
+    said = f": its numbers went through the filter {OTHERS[number]} (number {number}), which is not read; save it with "
+    for name, which in (("a.h5", ("gzip", None)), ("b.h5", (None, "gzip"))):
+        filtered(tmp_path / name, number, frames=(frames, which[0]), tforms=(tforms, which[1]))
+        with pytest.raises(UnsupportedError) as caught:
+            read_recording(tmp_path / name)
+        assert str(caught.value) == f"{name}{said}gzip, or uncompressed"
+    where = "TransformGroup__0__Transform"
+    of_type = np.array([b"AffineTransform_double_3_3"])
+    parts = {where + "Type": (of_type, None), where + "Parameters": (np.eye(4)[:3].T.ravel(), "gzip")}
+    filtered(tmp_path / "c.h5", number, **parts, **{where + "FixedParameters": (np.zeros(3), None)})
+    with pytest.raises(UnsupportedError) as caught:
+        calibration_in(tmp_path / "c.h5")
+    assert str(caught.value) == f"c.h5{said}gzip, uncompressed, or as .tfm"
+
+
+def test_lzf_of_h5py_is_named(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("numbers", data=np.ones((8, 4), "u1"), compression="lzf")
+    with pytest.raises(Filtered, match=r"^the filter lzf \(number 32000\)$"):
+        open_hdf5(tmp_path / "a.h5").members()["numbers"].dataset()
 
 
 def test_what_a_file_of_hdf5_holds_says_what_it_is(tmp_path):

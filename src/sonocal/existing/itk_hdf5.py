@@ -9,7 +9,7 @@ from sonocal.errors import FormatError, UnsupportedError
 from sonocal.existing.itk_parts import Part, form_said, matrices_of_parts
 from sonocal.existing.matrix import Matrices
 from sonocal.files import file_size
-from sonocal.files.hdf5 import MAGIC, Damaged, Item, open_hdf5
+from sonocal.files.hdf5 import MAGIC, Damaged, Filtered, Item, open_hdf5
 from sonocal.files.kinds import Format, Head
 
 __all__ = ["FORMAT", "read_itk_hdf5"]
@@ -27,7 +27,8 @@ def read_itk_hdf5(path: Path) -> Matrices:
 
     Raises:
         FormatError: it is none, or damaged.
-        UnsupportedError: it is larger than a matrix, or holds a transform that is none.
+        UnsupportedError: it is larger than a matrix, holds a transform that is none, or its numbers went through a
+            filter that is not read.
     """
     size = file_size(path)
     if size > SIZE_LIMIT:
@@ -43,6 +44,11 @@ def read_itk_hdf5(path: Path) -> Matrices:
                 "these"
             )
         parts, remark = list(_parts(group)), root.attribute("convention")
+    except Filtered as error:
+        raise UnsupportedError(
+            f"{path.name}: its numbers went through {error}, which is not read; save it with gzip, uncompressed, or as "
+            ".tfm"
+        ) from None
     except Damaged as error:
         raise FormatError(
             f"{path.name}: is HDF5 that is damaged, or other than ITK writes it ({error}); export it again, or as .tfm"

@@ -122,7 +122,7 @@ def _scale_findings(said: str, meaning: Meaning) -> Iterator[Diagnostic]:
         yield Diagnostic(
             code="rigid-matrix",
             severity="warning",
-            message=f"{said} scales nothing: by it a pixel is 1 mm wide; are its pixels not in mm?",
+            message=f"{said} scales nothing: it is from mm, or by it a pixel is 1 mm wide",
             advice=(
                 "look where the mm per px went: in 3D Slicer and ITK the image's own spacing may hold them; multiply "
                 "the first three columns by the scanner's mm per px, or compare it as a transform from mm"

@@ -17,6 +17,7 @@ from sonocal.files.hdf5_bytes import UNDEFINED, Bytes
 from sonocal.files.hdf5_data import Dataset
 from sonocal.files.hdf5_parts import (
     Damaged,
+    Filtered,
     attribute_of,
     count_of,
     datatype_of,
@@ -27,7 +28,7 @@ from sonocal.files.hdf5_parts import (
     unpacked,
 )
 
-__all__ = ["MAGIC", "Damaged", "Dataset", "Item", "names_in", "open_hdf5"]
+__all__ = ["MAGIC", "Damaged", "Dataset", "Filtered", "Item", "names_in", "open_hdf5"]
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 # Of messages (IV.A.2) that matter here.

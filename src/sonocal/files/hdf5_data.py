@@ -16,12 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.files.hdf5_bytes import UNDEFINED, Bytes, Piece
-from sonocal.files.hdf5_parts import Damaged, exactly, unpacked
+from sonocal.files.hdf5_parts import Damaged, Filtered, exactly, unpacked
 
 __all__ = ["Dataset"]
 
 COMPACT, CONTIGUOUS, CHUNKED = 0, 1, 2
 DEFLATE, SHUFFLE, FLETCHER = 1, 2, 3
+# What others are called, by the HDF Group's list of registered filters.
+OTHER_FILTERS = {
+    **{4: "szip", 5: "n-bit", 6: "scale-offset", 305: "LZO", 307: "bzip2", 32000: "lzf", 32001: "Blosc"},
+    **{32004: "LZ4", 32008: "bitshuffle", 32013: "ZFP", 32015: "Zstandard", 32026: "Blosc2"},
+}
 SLACK = 64
 MOST_PIECES = 1 << 18
 # Of what is held at once.
@@ -42,6 +47,7 @@ class Dataset:
 
     Raises:
         Damaged: they lie in a way that is not read.
+        Filtered: they went through a filter that is not read.
     """
 
     def __init__(
@@ -68,6 +74,8 @@ class Dataset:
                 or 0 in self.piece_shape
             ):
                 raise Damaged("its pieces are not of its shape")
+        if self._how == CHUNKED:
+            _check_filters(filters)
         self._slab: tuple[int, Numbers] | None = None
 
     @classmethod
@@ -191,9 +199,13 @@ class Dataset:
                 data = _unshuffled(data, self.dtype.itemsize)
             elif one == FLETCHER:
                 data = data[:-4]
-            else:
-                raise Damaged(f"its numbers are compressed in a way that is not read (filter {one})")
         return data
+
+
+def _check_filters(filters: Sequence[int]) -> None:
+    for one in filters:
+        if one not in (DEFLATE, SHUFFLE, FLETCHER):
+            raise Filtered(f"the filter {OTHER_FILTERS.get(one, 'of HDF5')} (number {one})")
 
 
 def _inflated(data: bytes, size: int) -> bytes:

@@ -14,6 +14,7 @@ import numpy as np
 
 __all__ = [
     "Damaged",
+    "Filtered",
     "Message",
     "attribute_of",
     "count_of",
@@ -35,6 +36,10 @@ OWN_NAMES = 256
 
 class Damaged(ValueError):  # noqa: N818 - what the file is
     """The file is not what HDF5 is, or holds what is not read; the text says what."""
+
+
+class Filtered(Damaged):
+    """Numbers went through a filter that is not read; the text says which."""
 
 
 class Message(NamedTuple):

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from sonocal.errors import UnsupportedError
 from sonocal.files.disk import read_at
 from sonocal.files.hdf5 import MAGIC, names_in
-from sonocal.files.separators import is_comment, separator_of
+from sonocal.files.separators import is_comment, separator_of, without_frame
 from sonocal.files.tables import is_number
 from sonocal.files.text import decoded
 
@@ -88,8 +88,11 @@ class Head:
         """The cells of a CSV table's header: the first line that is no comment; none where that is no text."""
         if b"\0" in self.text:
             return ()
+        line, separator = self.header_line, separator_of(self.header_line)
         try:
-            cells = next(csv.reader([self.header_line], delimiter=separator_of(self.header_line)), [])
+            cells = next(
+                csv.reader([without_frame(line) if separator == "|" else line], delimiter=separator), []
+            )
         except csv.Error:
             return ()
         return tuple(cell.strip() for cell in cells)

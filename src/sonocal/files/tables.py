@@ -1,7 +1,7 @@
 """Cells of CSV tables, read with the place of whatever is wrong in them.
 
-Cells are separated by commas, semicolons or tabs, whichever the first line has. Where it is no comma, numbers may
-have a decimal comma, as the spreadsheets of half the world write them.
+Cells are separated by commas, semicolons, tabs or bars, whichever the first line has. Where it is no comma, numbers
+may have a decimal comma, as the spreadsheets of half the world write them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonocal.errors import FormatError, InputError
-from sonocal.files.separators import is_comment, other_width, separator_of
+from sonocal.files.separators import decimal_points, is_comment, other_width, separator_of, without_frame
 from sonocal.files.text import decoded
 
 __all__ = [
@@ -74,7 +74,7 @@ class Table:
                         f"{self.name}, line {line}, column {other}: {cell.strip()[:40]!r} has a decimal point where "
                         f"numbers of the column {column} have commas; write one of the two all over"
                     )
-        return [cell.replace(",", ".") if cell.count(",") == 1 else cell for cell in self.columns[column]]
+        return decimal_points(f"{self.name}, column {column}", self.columns[column])
 
     def text(self, column: str, *, stripped: bool = True) -> NDArray[np.str_]:
         """A column of text, without the blanks around it if it is to be `stripped`.
@@ -130,7 +130,7 @@ def parse_table(name: str, text: str) -> Table:
     """
     text = without_comments(text)[0]
     separator = separator_of(text)
-    rows = csv_lines(name, text, separator)
+    rows = csv_lines(name, without_frame(text) if separator == "|" else text, separator)
     header, top = next(rows, ([], 0))
     if not header:
         raise InputError(f"{name}: is empty; a table needs a header and rows")

@@ -77,9 +77,14 @@ def test_it_is_told_that_beams_became_cubes(tmp_path):
 
 VOXELS = some_toroid()[0]
 REFUSED = {
-    "100 bytes of voxels are not the 315 of 9 x 7 x 5: they are compressed": {(0xD000, 1): b"\1" * 100},
-    "holds no voxels (D000,0001), which is not read": {(0xD000, 1): None},
-    "holds a sequence of volumes (D600,0001), which is not read": {
+    "is a Kretz volume of GE whose voxels are compressed: 100 bytes for the 315 of 9 x 7 x 5; save it uncompressed": {
+        (0xD000, 1): b"\1" * 100
+    },
+    "is a Kretz volume of GE whose voxels are stored in a way that is not read: 630 bytes for the 315": {
+        (0xD000, 1): b"\1" * 630
+    },
+    "is a Kretz file of GE that holds no voxels (D000,0001), which is not read": {(0xD000, 1): None},
+    "is a Kretz file of GE that holds a sequence of volumes (D600,0001), which is not read": {
         (0xD000, 1): None,
         (0xD600, 1): b"\1" * 99,
     },

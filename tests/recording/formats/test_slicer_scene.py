@@ -26,7 +26,13 @@ FILES = {
 }
 
 
-OUTSIDE = ["../secret.seq.mha", "/etc/passwd", "Data/../../secret.seq.mha", "%2e%2e/secret.seq.mha"]
+OUTSIDE = [
+    "../secret.seq.mha",
+    "/etc/passwd",
+    "Data/../../secret.seq.mha",
+    "%2e%2e/secret.seq.mha",
+    "Data\\..\\..\\secret.seq.mha",
+]
 
 
 @pytest.fixture
@@ -58,6 +64,22 @@ def test_what_a_mac_puts_beside_each_file_is_no_scene(tmp_path, scratch):
         for name in archive.namelist():
             archive.writestr(f"__MACOSX/{Path(name).parent}/._{Path(name).name}", b"\0\5\26\7")
     np.testing.assert_array_equal(list(read_recording(tmp_path / "a.mrb").frames), PIXELS)
+
+
+@pytest.mark.parametrize("document", ["Data/", "Data\\"])
+def test_backslashes_between_folders_are_slashes(tmp_path, scratch, document):
+    """Old programs of Windows zip so; the document may say either."""
+    write_scene(tmp_path / "plain.mrb", FILES, scene_document(FILES, document))
+    with (
+        zipfile.ZipFile(tmp_path / "plain.mrb") as plain,
+        zipfile.ZipFile(tmp_path / "a.mrb", "w") as archive,
+    ):
+        for name in plain.namelist():
+            archive.writestr(name.replace("/", "\\"), plain.read(name))
+    np.testing.assert_array_equal(list(read_recording(tmp_path / "a.mrb").frames), PIXELS)
+    write_scene(tmp_path / "a.mrml", FILES, scene_document(FILES, document))
+    if (tmp_path / "Data").is_dir():
+        np.testing.assert_array_equal(list(read_recording(tmp_path / "a.mrml").frames), PIXELS)
 
 
 def test_temporary_files_go_with_the_frames(tmp_path, scratch):
@@ -110,7 +132,14 @@ def test_what_cannot_be_chosen_or_is_not_there_is_named(tmp_path, scratch):
 
 @pytest.mark.parametrize("suffix", [".mrb", ".mrml"])
 @pytest.mark.parametrize(
-    "name", ["../secret.seq.mha", "/etc/passwd", "Data/../../secret.seq.mha", "%2e%2e/secret.seq.mha"]
+    "name",
+    [
+        "../secret.seq.mha",
+        "/etc/passwd",
+        "Data/../../secret.seq.mha",
+        "%2e%2e/secret.seq.mha",
+        "Data\\..\\..\\secret.seq.mha",
+    ],
 )
 def test_no_file_outside_of_a_scene_is_read(tmp_path, scratch, suffix, name):
     (tmp_path / "secret.seq.mha").write_bytes(FILES["NeedleToTracker.seq.mha"])

@@ -152,13 +152,16 @@ def _voxels(elements: _Elements, sizes: tuple[int, ...]) -> int:
     if VOXELS not in elements.places:
         held = "a sequence of volumes (D600,0001)" if SEQUENCE in elements.places else "no voxels (D000,0001)"
         raise UnsupportedError(
-            f"{elements.name}: holds {held}, which is not read; save one volume, uncompressed"
+            f"{elements.name}: is a Kretz file of GE that holds {held}, which is not read; save one volume, "
+            "uncompressed, such as with 4D View, or export Cartesian DICOM or NRRD"
         )
     (place, there), wanted = elements.places[VOXELS], int(np.prod([int(n) for n in sizes], dtype=object))
     if there != wanted:
+        why = "compressed" if there < wanted else "stored in a way that is not read"
         raise UnsupportedError(
-            f"{elements.name}: {there} bytes of voxels are not the {wanted} of {' x '.join(map(str, sizes))}: they are "
-            "compressed; save the volume uncompressed, such as with 4D View"
+            f"{elements.name}: is a Kretz volume of GE whose voxels are {why}: {there} bytes for the {wanted} of "
+            f"{' x '.join(map(str, sizes))}; save it uncompressed, such as with 4D View, or export Cartesian DICOM "
+            "or NRRD"
         )
     return place
 

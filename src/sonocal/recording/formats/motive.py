@@ -14,10 +14,8 @@ import numpy as np
 from sonocal.errors import FormatError, InputError, UnsupportedError
 from sonocal.files import read_text
 from sonocal.files.kinds import TABLE_SUFFIXES, Format
-from sonocal.files.tables import (
-    cells_to_numbers,
-    csv_rows,
-)
+from sonocal.files.separators import decimal_points, other_width, separator_of
+from sonocal.files.tables import cells_to_numbers, csv_lines
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.pose_columns import in_mm
@@ -45,7 +43,10 @@ def read_motive(path: Path) -> Recording:
         UnsupportedError: rotations are not quaternions.
         InputError: it holds no rigid body, or a cell is wrong.
     """
-    rows, lines = csv_rows(path.name, read_text(path, "a table of poses"))
+    text = read_text(path, "a table of poses")
+    separator = separator_of(text)
+    found = [*csv_lines(path.name, text, separator)]
+    rows, lines = [row for row, _ in found], [line for _, line in found]
     about = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     top = next(
         (i for i, row in enumerate(rows) if [c.strip() for c in row[:2]] == ["Frame", "Time (Seconds)"]), None
@@ -55,8 +56,7 @@ def read_motive(path: Path) -> Recording:
             f"{path.name}: has no row 'Frame,Time (Seconds),...' with data below it; export it again"
         )
     _check_rotation(path.name, about)
-    body = [row + [""] * (len(rows[top]) - len(row)) for row in rows[top + 1 :]]
-    body_lines = lines[top + 1 :]
+    body, body_lines = _body(path.name, found[top + 1 :], len(rows[top]), separator), lines[top + 1 :]
     header = _header_rows(path.name, rows[1:top], rows[top])
     scale = _scale(path.name, about)
     poses = by_name(list(_bodies(path.name, header, body, body_lines, scale)), path.name)
@@ -74,6 +74,17 @@ def read_motive(path: Path) -> Recording:
         provenance=Provenance(path.name, "OptiTrack Motive CSV", (str(path),), READ_AS[scale]),
         diagnostics=(_about_axes(about, scale),),
     )
+
+
+def _body(name: str, rows: list[tuple[list[str], int]], width: int, separator: str) -> list[list[str]]:
+    """The cells of the rows of numbers, as many as the header has, with decimal points."""
+    for row, line in rows:
+        if any(map(str.strip, row[width:])):
+            raise other_width(f"{name}, line {line}", row, width, separator)
+    columns = [[row[i] if i < len(row) else "" for row, _ in rows] for i in range(width)]
+    if separator != ",":
+        columns = [decimal_points(f"{name}, column {i}", cells) for i, cells in enumerate(columns, 1)]
+    return [*map(list, zip(*columns, strict=True))]
 
 
 def _check_rotation(name: str, about: dict[str, str]) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 from sonocal.errors import InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head
-from sonocal.files.separators import separator_of
+from sonocal.files.separators import decimal_points, separator_of
 from sonocal.files.tables import cells_to_numbers, csv_lines
 from sonocal.geometry import Array
 from sonocal.recording.formats.parts.angles import quaternions_from_angles
@@ -58,7 +58,20 @@ def read_ndi(path: Path) -> Recording:
         InputError: a cell is no number.
     """
     text = read_text(path, "a log of poses")
-    rows = csv_lines(path.name, text, separator_of(text))
+    try:
+        return _read(path, text, separator_of(text))
+    except InputError:
+        below = text.strip().partition("\n")[2]
+        if separator_of(text) != "," or "." in below or not below:
+            raise
+        raise InputError(
+            f"{path.name}: cannot be read as it stands, and none of its numbers has a decimal point; if its commas are "
+            "decimal ones, separate cells by semicolons"
+        ) from None
+
+
+def _read(path: Path, text: str, separator: str) -> Recording:
+    rows = csv_lines(path.name, text, separator)
     block = Block.of(path.name, [cell.strip() for cell in next(rows, ([], 0))[0]])
     log = _Log(block)
     for row, line in rows:
@@ -179,8 +192,7 @@ def _word(text: str) -> str:
 
 
 def _numbers(name: str, column: str, cells: Sequence[str], lines: Sequence[int]) -> Array:
-    if "," in "".join(cells):  # between tabs or semicolons
-        cells = [cell.replace(",", ".") for cell in cells]
+    cells = decimal_points(f"{name}, column {column}", cells)
     numbers = cells_to_numbers(name, column, cells, lines, blank=np.nan)
     numbers[~(np.abs(numbers) < NO_NUMBER)] = np.nan
     return numbers

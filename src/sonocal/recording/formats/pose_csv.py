@@ -175,6 +175,11 @@ def _quaternions(table: Table, columns: Columns, angles: str | None) -> Array:
     numbers = _numbers(table, columns, "angle", "xyz")
     first = columns["angle", "x"]
     meaning = first.angles or angles
+    if angles and angles != meaning:
+        raise InputError(
+            f"{table.name}, line 1, column {first.name}: says that its angles are {meaning}, and {angles} was given; "
+            "leave angles out, or rename the columns"
+        )
     if not meaning or not first.unit:
         what = "order" if not meaning else "unit"
         example = f"{first.tool or 'Probe'}_{meaning or 'ZYX'}_rx_deg"

@@ -5,6 +5,7 @@ A new format is a file beside this one that ends with its `FORMAT`, and a line i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -185,8 +186,10 @@ def refuse_table(head: Head) -> None:
     """Raise if a file that no format claims is a table of which only the first line is wrong.
 
     Raises:
-        FormatError: it has no header, or blanks between its columns.
+        FormatError: it has no header, or blanks between its columns, or is a part of a matrix.
     """
+    if head.lacks_header and (part := PARTS_OF_MATRICES.get(_numbers_in_rows(head))):
+        raise FormatError(f"{head.path.name}: holds {part}")
     if head.lacks_header:
         raise FormatError(
             f"{head.path.name}, line 1: holds {len(head.words)} numbers where a header must name the columns; put it "
@@ -196,6 +199,25 @@ def refuse_table(head: Head) -> None:
         raise FormatError(
             f"{head.path.name}, line 1: has blanks between its columns; write commas, semicolons or tabs there"
         )
+
+
+# What has no name of a column and is no table, by how many numbers its rows have.
+PARTS_OF_MATRICES: dict[tuple[int, ...], str] = {
+    (4, 4, 4): "3 rows of 4 numbers, a 4 x 4 matrix without its last row; add the row 0 0 0 1",
+    (
+        3,
+        3,
+        3,
+    ): "3 rows of 3 numbers, a rotation without a place; write 4 rows of 4 numbers, of which the last column "
+    "is the place in mm and the last row 0 0 0 1",
+}
+
+
+def _numbers_in_rows(head: Head) -> tuple[int, ...]:
+    """How many words each row of a short file has; three at most are told."""
+    rows = [row.decode("utf-8", "replace") for row in head.text.splitlines() if row.strip()]
+    rows = [row for row in rows if not row.lstrip().startswith("#")]
+    return tuple(len(re.findall(r"[^\s,;|]+", row)) for row in rows) if len(rows) == 3 else ()
 
 
 def _recognised(path: Path) -> Format:

@@ -15,6 +15,7 @@ import numpy as np
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import Format, Head
+from sonocal.files.separators import DECIMAL_COMMA
 from sonocal.files.tables import is_number
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
@@ -65,7 +66,7 @@ def _table(name: str, text: str) -> Array:
     """(N, 8): the numbers of lines that are no comments."""
     numbers: list[float] = []
     for line, content in enumerate(text.splitlines(), 1):
-        words = content.split()
+        words = _words(content)
         if not words or words[0].startswith("#"):
             continue
         if len(words) == NUMBERS and all(map(is_number, words)):
@@ -77,11 +78,15 @@ def _table(name: str, text: str) -> Array:
     return np.array(numbers, dtype=float).reshape(-1, NUMBERS)
 
 
+def _words(line: str) -> list[str]:
+    """The numbers of a line, with points for decimal commas."""
+    return (line if "." in line else DECIMAL_COMMA.sub(".", line)).split()
+
+
 def _sniff(head: Head) -> bool:
     # Commas make a table, whose header is missed; and the head may end within its first line.
-    words = head.words
-    blank = len(head.columns) == 1 or "\t" in head.header_line
-    return len(words) == NUMBERS and blank and all(map(is_number, words))
+    words = _words(head.header_line)
+    return b"\0" not in head.text and len(words) == NUMBERS and all(map(is_number, words))
 
 
 FORMAT = Format(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sonocal.errors import FormatError, InputError, UnsupportedError
-from sonocal.files.hdf5 import Damaged, Dataset, Item, open_hdf5
+from sonocal.files.hdf5 import Damaged, Dataset, Filtered, Item, open_hdf5
 from sonocal.files.kinds import Format, Head
 from sonocal.recording.formats.parts.layout import COUNT_LIMIT
 from sonocal.recording.frames import PICTURE_LIMIT, Frames, Image, check_frame_size
@@ -31,7 +31,7 @@ def read_tus_rec(path: Path) -> Recording:
     Raises:
         FormatError: the file is damaged, stored in a way that is not read, or names data outside of itself.
         InputError: a dataset lacks, or the two do not fit.
-        UnsupportedError: pixels are of a kind that is not read.
+        UnsupportedError: pixels are of a kind that is not read, or went through a filter that is not.
     """
     with _guarded(path):
         members = open_hdf5(path).members()
@@ -87,6 +87,10 @@ class ScanFrames(Frames):
 def _guarded(path: Path) -> Iterator[None]:
     try:
         yield
+    except Filtered as error:
+        raise UnsupportedError(
+            f"{path.name}: its numbers went through {error}, which is not read; save it with gzip, or uncompressed"
+        ) from None
     except Damaged as error:
         raise FormatError(
             f"{path.name}: cannot be read as HDF5 ({error}); copy it again, or write it anew with h5repack"

@@ -23,7 +23,7 @@ import numpy as np
 from sonocal.errors import FormatError, InputError
 from sonocal.files import read_text
 from sonocal.files.kinds import TABLE_SUFFIXES, Format, Head
-from sonocal.files.separators import separator_of
+from sonocal.files.separators import decimal_points, other_width, separator_of
 from sonocal.files.tables import cells_to_numbers, csv_lines, is_number
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
@@ -53,6 +53,7 @@ class _Section:
         rate: frames a second.
         columns: of each name and axis, where it is and its unit.
         rows, lines: of numbers.
+        separator: of cells.
     """
 
     name: str
@@ -60,6 +61,7 @@ class _Section:
     columns: dict[tuple[str, str], tuple[int, str]]
     rows: list[list[str]]
     lines: list[int]
+    separator: str
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -69,8 +71,8 @@ class _Section:
     def numbers(self, index: int, column: str) -> Array:
         """A column; blank cells are NaN."""
         cells = [row[index] if index < len(row) else "" for row in self.rows]
-        if any("," in cell for cell in cells):  # between semicolons or tabs
-            cells = [cell.replace(",", ".") for cell in cells]
+        if self.separator != ",":
+            cells = decimal_points(f"{self.name}, column {column}", cells)
         return cells_to_numbers(self.name, column, cells, self.lines, np.nan)
 
     def part(self, name: str, axes: Sequence[str]) -> Array:
@@ -145,7 +147,8 @@ def read_vicon(path: Path, angles: str | None = None, markers: Markers = ()) -> 
 
 def _sections(name: str, text: str) -> Iterator[tuple[str, _Section]]:
     """The tables of poses and markers by title: each ends where no frame's number stands first."""
-    lines = [*csv_lines(name, text, _separator(text))]
+    separator = _separator(text)
+    lines = [*csv_lines(name, text, separator)]
     at = 0
     while at < len(lines):
         title = lines[at][0][0].strip()
@@ -153,11 +156,11 @@ def _sections(name: str, text: str) -> Iterator[tuple[str, _Section]]:
             at += 1
             continue
         top = lines[at : at + ABOVE]
-        if len(top) < ABOVE or not is_number(top[1][0][0]) or top[3][0][0].strip() != "Frame":
+        if len(top) < ABOVE or not is_number(_rate(top[1][0])) or top[3][0][0].strip() != "Frame":
             raise FormatError(
                 f"{name}, line {lines[at][1]}: lacks the rate, names, axes or units of its {title}; export it again"
             )
-        rate = float(top[1][0][0])
+        rate = float(_rate(top[1][0]))
         if not 0 < rate < np.inf:
             raise InputError(
                 f"{name}, line {top[1][1]}: {rate:g} frames a second is no rate; export it again"
@@ -167,7 +170,12 @@ def _sections(name: str, text: str) -> Iterator[tuple[str, _Section]]:
             end += 1
         columns = _columns(*(row for row, _ in top[2:]))
         data = lines[at + ABOVE : end]
-        yield title, _Section(name, rate, columns, [row for row, _ in data], [line for _, line in data])
+        width = len(top[3][0])
+        for row, line in data:
+            if any(map(str.strip, row[width:])):
+                raise other_width(f"{name}, line {line}", row, width, separator)
+        rows, numbers = [row for row, _ in data], [line for _, line in data]
+        yield title, _Section(name, rate, columns, rows, numbers, separator)
         at = end
 
 
@@ -210,6 +218,11 @@ def _tool(name: str) -> tuple[str, str]:
     return subject, body or subject
 
 
+def _rate(row: list[str]) -> str:
+    """The cell of a rate, with a point for its decimal comma."""
+    return row[0].replace(",", ".")
+
+
 def _separator(text: str) -> str:
     """By the line of axes: the line of names above it may have one name between blank cells."""
     fourth = text.split("\n", 4)[3:4]
@@ -219,7 +232,7 @@ def _separator(text: str) -> str:
 def _sniff(head: Head) -> bool:
     lines = [line.strip(b" \t\r,;") for line in head.text.split(b"\n", 2)[:2]]
     known = [title.encode() for title in (*BODIES, MARKERS)]
-    return len(lines) == 2 and lines[0] in known and is_number(lines[1].decode("latin-1"))
+    return len(lines) == 2 and lines[0] in known and is_number(_rate([lines[1].decode("latin-1")]))
 
 
 FORMAT = Format(

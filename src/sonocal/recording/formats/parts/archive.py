@@ -42,7 +42,7 @@ class Home:
 
     @abstractmethod
     def file(self, name: str) -> Path:
-        """A file that the document names, as it stands or percent-encoded.
+        """A file that the document names, as it stands or percent-encoded, with either slash between folders.
 
         Raises:
             FormatError: the name leads out of the document's folder, there is no such file, or it is absurdly large.
@@ -58,7 +58,7 @@ class Folder(Home):
 
     def file(self, name: str) -> Path:
         """As of `Home`."""
-        for spelt in (name, unquote(name)):
+        for spelt in _spellings(name):
             if path := file_beside(self._path, spelt):
                 return path
         raise FormatError(f"{self.name}: its file {name[:80]!r} is not beside it; copy all files together")
@@ -82,14 +82,16 @@ class Archive(Home):
             found = [one for one in archive.infolist() if _is_document(one.filename, suffix)]
             if len(found) != 1:
                 raise InputError(f"{self.name}: has {len(found)} files {suffix} where {what} has one")
-            self._document = PurePosixPath(found[0].filename)
+            self._document = PurePosixPath(_with_slashes(found[0].filename))
             self.document = self._text(archive, found[0], what)
 
     def file(self, name: str) -> Path:
         """As of `Home`: a copy, which lies in `scratch`."""
         with self._opened() as archive:
-            there = archive.NameToInfo
-            for spelt in (name, unquote(name)):
+            there = {
+                _with_slashes(one): info for one, info in archive.NameToInfo.items()
+            } | archive.NameToInfo
+            for spelt in _spellings(name):
                 key = str(beside(Path(self._document), spelt).as_posix())
                 if key in there:
                     return self._copied(archive, there[key])
@@ -126,7 +128,7 @@ class Archive(Home):
                 "unpack it yourself if it is sound"
             )
         with self._on_disk():
-            copy = self._place(size) / (PurePosixPath(info.filename).name[-100:] or "file")
+            copy = self._place(size) / (PurePosixPath(_with_slashes(info.filename)).name[-100:] or "file")
             target = copy.open("wb")
         with target, archive.open(info) as source:
             # The archive's reader gives no more than the size that was looked at, and compares the checksum.
@@ -157,4 +159,14 @@ class Archive(Home):
 
 def _is_document(name: str, suffix: str) -> bool:
     """Whether a file of an archive is a document; Macs put one ``._name`` of their own beside each file."""
-    return name.lower().endswith(suffix) and not PurePosixPath(name).name.startswith("._")
+    return name.lower().endswith(suffix) and not PurePosixPath(_with_slashes(name)).name.startswith("._")
+
+
+def _with_slashes(name: str) -> str:
+    """A name as archives have to have it; old programs of Windows write backslashes between folders."""
+    return name.replace("\\", "/")
+
+
+def _spellings(name: str) -> tuple[str, ...]:
+    """What a document's name of a file may mean."""
+    return name, unquote(name), _with_slashes(name), _with_slashes(unquote(name))
