@@ -17,6 +17,8 @@ LEAST_SHARE = 0.15
 # Of the variance that one motion has if every group has a share of its own of it, to the rows': what is tried.
 RATIOS = np.concatenate([[0.0], np.logspace(-3, 3, 40)])
 TINY = float(np.finfo(float).tiny)
+# Of columns of unit length.
+RIDGE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,10 @@ def two_motions(residuals: Array, motions: Array, rigid: Array, groups: NDArray[
 
 
 class _Mixture:
-    """The rows' sums, and what is done with them."""
+    """The rows' sums, and what is done with them.
+
+    Rows of a group share its weight, so that all of a round is in the products of a group's columns with one another.
+    """
 
     def __init__(self, residuals: Array, motions: Array, rigid: Array, groups: NDArray[np.int64]) -> None:
         self._r = residuals
@@ -67,37 +72,54 @@ class _Mixture:
         self._k = motions.shape[2]
         both = np.concatenate([motions, rigid], axis=2)
         self._both = both / np.maximum(np.sqrt(np.sum(both**2, axis=(0, 1))), TINY)
+        moments = self._moments_of(np.concatenate([self._both, residuals[:, :, None]], axis=2))
+        self._pulled, self._size = moments[:, self._k : -1, -1], moments.shape[1]
+        self._flat = moments.reshape(self._count, -1)
+        self._all = moments.sum(axis=0)
+
+    def _moments_of(self, columns: Array) -> Array:
+        """(G, K, K): of each group, products of the columns (N, 2, K) with one another."""
+        order = np.argsort(self._groups, kind="stable")
+        first = np.searchsorted(self._groups[order], np.arange(self._count))
+        columns = columns[order]
+        products = [np.einsum("ne,nek->nk", columns[:, :, one], columns) for one in range(columns.shape[2])]
+        return np.stack([np.add.reduceat(one, first, axis=0) for one in products], axis=1)
 
     def starts(self) -> list[Array]:
         """Shares (G,) that part the groups along the motions which pull them most."""
-        pulled = np.zeros((self._count, 6))
-        np.add.at(pulled, self._groups, np.einsum("nek,ne->nk", self._both[:, :, self._k :], self._r))
-        axes = np.linalg.eigh(pulled.T @ pulled)[1].T[::-1][:STARTS]
-        return [np.where(pulled @ axis > 0, 0.9, 0.1) for axis in axes]
+        axes = np.linalg.eigh(self._pulled.T @ self._pulled)[1].T[::-1][:STARTS]
+        return [np.where(self._pulled @ axis > 0, 0.9, 0.1) for axis in axes]
 
     def risen(self, shares: Array, rounds: int) -> tuple[float, Array, Array, Array]:
         """Log likelihood, shares (G,), rows without and by the motion (N, 2), after so many rounds."""
         for _ in range(rounds):
-            base, moved = self._solved(shares[self._groups])
-            off = [self._sums(base**2), self._sums((base - moved) ** 2)]
+            solved = self._solved(shares)
+            off = self._squares(solved)
             part = np.clip(shares.mean(), LEAST_SHARE, 1.0 - LEAST_SHARE)
             variance = max(float((1.0 - shares) @ off[0] + shares @ off[1]) / self._r.size, TINY)
             logs = [np.log(p) - 0.5 * x / variance for p, x in zip((1.0 - part, part), off, strict=True)]
             total = np.logaddexp(*logs)
             shares = np.exp(logs[1] - total)
-        return float(total.sum()) - 0.5 * self._r.size * float(np.log(variance)), shares, base, moved
+        k, likelihood = self._k, float(total.sum()) - 0.5 * self._r.size * float(np.log(variance))
+        base, moved = self._r - self._both[:, :, :k] @ solved[:k], self._both[:, :, k:] @ solved[k:]
+        return likelihood, shares, base, moved
 
-    def _solved(self, share: Array) -> tuple[Array, Array]:
-        """Least squares with each row's share of being off."""
+    def _solved(self, shares: Array) -> Array:
+        """(k + 6,): least squares with each group's share of being off."""
         k = self._k
-        weighed = self._both.copy()
-        weighed[:, :, k:] *= share[:, None, None]
-        flat, unsure = weighed.reshape(-1, k + 6), np.sqrt(share * (1.0 - share))[:, None, None]
-        left = (self._both[:, :, k:] * unsure).reshape(-1, 6)
-        normal = flat.T @ flat
-        normal[k:, k:] += left.T @ left
-        solved = np.linalg.lstsq(normal, flat.T @ self._r.reshape(-1), rcond=1e-10)[0]
-        return self._r - self._both[:, :, :k] @ solved[:k], self._both[:, :, k:] @ solved[k:]
+        # A share that is not sure counts for the motion's squares as a whole one would: E[z^2] = E[z].
+        weighed = (shares @ self._flat).reshape(self._size, self._size)
+        weighed[:k, :k], weighed[:k, -1] = self._all[:k, :k], self._all[:k, -1]
+        # Of equal shares the motion does what the transform's motions do.
+        weighed[np.diag_indices(self._size - 1)] += RIDGE
+        return np.asarray(np.linalg.solve(weighed[:-1, :-1], weighed[:-1, -1]))
+
+    def _squares(self, solved: Array) -> list[Array]:
+        """Of each group (G,), the squares that are left of its rows without the motion and with it."""
+        with_motion = np.append(-solved, 1.0)
+        without = with_motion.copy()
+        without[self._k : -1] = 0.0
+        return [np.maximum(self._flat @ np.outer(one, one).ravel(), 0.0) for one in (without, with_motion)]
 
     def _sums(self, values: Array) -> Array:
         return np.asarray(np.bincount(self._groups, values.sum(axis=1), self._count), dtype=float)
