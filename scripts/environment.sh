@@ -68,7 +68,8 @@ prepare() {
   mkdir -p .venv
   [ -x .venv/bin/python ] || step "1/4 making .venv" "$python" -m venv .venv
   step "2/4 updating pip" $pip install 'pip>=25.1'
-  step "3/4 fetching what it needs" $pip install --group "$1"
+  # Python compiles what it imports by itself: the rest of it would take half a minute of a processor.
+  step "3/4 fetching what it needs" $pip install --no-compile --group "$1"
   # The core is built in place with the tools of .venv, so that a second run compiles only what changed.
   step "4/4 compiling the core (minutes, once)" $pip install --verbose --no-build-isolation --editable .
   .venv/bin/python -c 'import sonocal' || fail "the installation failed; $log says why"
