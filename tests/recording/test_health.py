@@ -77,6 +77,21 @@ def test_findings_say_where_and_what_to_do():
     assert found.advice == "such frames are left out; keep the marker in the tracker's view"
 
 
+@pytest.mark.parametrize(
+    ("step_s", "sentence"),
+    [
+        (np.inf, "39 of 40 frames have the stamp of the frame before them: the clock stands"),
+        (1.0, "36 of 40 frames have the stamp of the frame before them: the clock goes on by 1 s at a time"),
+    ],
+)
+def test_a_clock_that_stands_or_is_coarse_is_no_copy_of_frames(step_s, sentence):
+    times = np.arange(40) / 10
+    coarse = np.zeros(40) if np.isinf(step_s) else np.floor(times / step_s) * step_s
+    (found,) = (one for one in health(replace(healthy(), times=coarse)) if one.code == "stamps-repeated")
+    assert found.message == sentence
+    assert found.advice.startswith("stamp each frame with a time of its own")
+
+
 def test_non_rigid_poses_are_refused_or_skipped():
     good = healthy()
     matrices = good.poses["tracker_from_probe"].matrices.copy()

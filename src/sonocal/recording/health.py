@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sonocal.errors import require
 from sonocal.findings import Diagnostic
 from sonocal.geometry.shown import brief
+from sonocal.recording.health_of_stamps import stamp_findings, warning
 from sonocal.recording.lengths import unit_findings
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import (
@@ -30,8 +31,6 @@ __all__ = ["Summary", "ToolSummary", "health", "summarize"]
 
 Progress = Callable[[int, int], None]
 
-# A gap is this many usual intervals; one or two dropped frames are normal.
-GAP_FACTOR = 4.0
 # A tool that moves less than this is at rest: trackers jitter by a few tenths.
 STATIC_MM, STATIC_RAD = 0.5, 0.005
 MANY_INVALID = 0.1
@@ -115,7 +114,7 @@ def health(
     Returns:
         What the reader noticed, then stamps, poses tool by tool, and images.
     """
-    found = [*recording.diagnostics, *_stamps(recording.times)]
+    found = [*recording.diagnostics, *stamp_findings(recording.times)]
     for poses in recording.poses.values():
         found += _poses(poses, recording)
     found += unit_findings(recording)
@@ -124,42 +123,6 @@ def health(
         if look_at_images:
             found += _repeated_images(recording, progress)
     return tuple(found)
-
-
-def _stamps(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
-    if np.isnan(times).all():
-        if len(times) > 1:
-            yield _warning(
-                "no-times", "no item has a time stamp", "poses cannot be moved in time; record with stamps"
-            )
-        return
-    steps = np.diff(times)
-    if (steps < 0).any():
-        i = int(np.flatnonzero(steps < 0)[0]) + 1
-        yield _warning(
-            "stamps-out-of-order",
-            f"{(steps < 0).sum()} stamps are earlier than the one before them, first at frame {i} "
-            f"({times[i - 1]:.3f} s, then {times[i]:.3f} s)",
-            "sort the frames by time, or delete those",
-        )
-    if (steps == 0).any():
-        i = int(np.flatnonzero(steps == 0)[0]) + 1
-        yield _warning(
-            "stamps-repeated",
-            f"{(steps == 0).sum()} frames have the stamp of the frame before them, first frame {i}",
-            "delete the repeated frames; a copy is not a second measurement",
-        )
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    gaps = np.flatnonzero(steps > GAP_FACTOR * usual) if usual > 0 else np.empty(0, dtype=np.int64)
-    if len(gaps):
-        widest = int(gaps[np.argmax(steps[gaps])])
-        what = "gap is" if len(gaps) == 1 else "gaps are"
-        yield _warning(
-            "gaps",
-            f"{len(gaps)} {what} longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
-            f"{1000 * float(steps[widest]):.0f} ms after frame {widest}",
-            "poses are not interpolated across long gaps; check the recorder's load",
-        )
 
 
 def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
@@ -187,13 +150,13 @@ def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
     if bent.any() and "Image" not in (poses.source, poses.target):
         i = int(np.flatnonzero(bent)[0])
         if is_transposed(poses.matrices[i]):
-            yield _warning(
+            yield warning(
                 "non-rigid-poses",
                 f"{name}: {bent.sum()} poses are transposed, first at frame {i}: their places stand in the last row",
                 "write matrices row by row, with the place in the last column",
             )
             return
-        yield _warning(
+        yield warning(
             "non-rigid-poses",
             f"{name}: {bent.sum()} poses marked valid are not rigid, first at frame {i} "
             f"(det R = {determinant(poses.matrices[i]):.3g})",
@@ -220,7 +183,7 @@ def _identities(name: str, poses: Poses) -> Iterator[Diagnostic]:
     beside = np.stack([others[np.maximum(after - 1, 0)], others[np.minimum(after, len(others) - 1)]])
     leaps = np.linalg.norm(poses.matrices[beside][..., :3, 3], axis=2).min(axis=0)
     if (leaps > LEAP_MM).any():
-        yield _warning(
+        yield warning(
             "identity-poses",
             f"{name}: {len(frames)} poses marked valid are the identity, first at frame {frames[0]}, and the poses "
             f"beside them are up to {leaps.max():.0f} mm away",
@@ -242,7 +205,7 @@ def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
             advice="expected of a reference marker; a probe or needle must move to be calibrated",
         )
     elif (run := longest_run(same)) >= FROZEN_RUN:
-        yield _warning(
+        yield warning(
             "frozen-poses",
             f"{name}: repeats a pose to the last digit up to {run + 1} times in a row",
             "the tracker or recorder stalled there; leave that stretch out",
@@ -252,7 +215,7 @@ def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
 def _image_status(recording: Recording) -> Iterator[Diagnostic]:
     bad = len(recording) - int(recording.image_valid.sum())
     if bad:
-        yield _warning(
+        yield warning(
             "invalid-images",
             f"{bad} of {len(recording)} images are marked invalid",
             "such frames are left out",
@@ -268,7 +231,7 @@ def _repeated_images(recording: Recording, progress: Progress | None) -> Iterato
     repeats = np.array([a == b for a, b in pairwise(digests)], dtype=bool)
     if repeats.any():
         run, first = longest_run(repeats), int(np.flatnonzero(repeats)[0]) + 1
-        yield _warning(
+        yield warning(
             "frozen-images" if run >= FROZEN_RUN else "duplicated-images",
             f"{repeats.sum()} of {len(digests)} images repeat the one before them, first at frame {first}, up to "
             f"{run} in a row",
@@ -284,7 +247,3 @@ def _tool(poses: Poses) -> ToolSummary:
         longest_loss=longest_run(~poses.valid),
         travel_mm=travel_mm(poses.matrices[poses.valid]),
     )
-
-
-def _warning(code: str, message: str, advice: str) -> Diagnostic:
-    return Diagnostic(code=code, severity="warning", message=message, advice=advice)
