@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sonocal.errors import require
 from sonocal.findings import Diagnostic
 from sonocal.geometry.shown import brief
-from sonocal.recording.health_of_stamps import stamp_findings, warning
+from sonocal.recording.health_of_stamps import stamp_findings
 from sonocal.recording.lengths import unit_findings
 from sonocal.recording.model import ImageGeometry, Recording
 from sonocal.recording.poses import (
@@ -150,13 +150,13 @@ def _poses(poses: Poses, recording: Recording) -> Iterator[Diagnostic]:
     if bent.any() and "Image" not in (poses.source, poses.target):
         i = int(np.flatnonzero(bent)[0])
         if is_transposed(poses.matrices[i]):
-            yield warning(
+            yield _warning(
                 "non-rigid-poses",
                 f"{name}: {bent.sum()} poses are transposed, first at frame {i}: their places stand in the last row",
                 "write matrices row by row, with the place in the last column",
             )
             return
-        yield warning(
+        yield _warning(
             "non-rigid-poses",
             f"{name}: {bent.sum()} poses marked valid are not rigid, first at frame {i} "
             f"(det R = {determinant(poses.matrices[i]):.3g})",
@@ -183,7 +183,7 @@ def _identities(name: str, poses: Poses) -> Iterator[Diagnostic]:
     beside = np.stack([others[np.maximum(after - 1, 0)], others[np.minimum(after, len(others) - 1)]])
     leaps = np.linalg.norm(poses.matrices[beside][..., :3, 3], axis=2).min(axis=0)
     if (leaps > LEAP_MM).any():
-        yield warning(
+        yield _warning(
             "identity-poses",
             f"{name}: {len(frames)} poses marked valid are the identity, first at frame {frames[0]}, and the poses "
             f"beside them are up to {leaps.max():.0f} mm away",
@@ -205,7 +205,7 @@ def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
             advice="expected of a reference marker; a probe or needle must move to be calibrated",
         )
     elif (run := longest_run(same)) >= FROZEN_RUN:
-        yield warning(
+        yield _warning(
             "frozen-poses",
             f"{name}: repeats a pose to the last digit up to {run + 1} times in a row",
             "the tracker or recorder stalled there; leave that stretch out",
@@ -215,7 +215,7 @@ def _stillness(name: str, poses: Poses) -> Iterator[Diagnostic]:
 def _image_status(recording: Recording) -> Iterator[Diagnostic]:
     bad = len(recording) - int(recording.image_valid.sum())
     if bad:
-        yield warning(
+        yield _warning(
             "invalid-images",
             f"{bad} of {len(recording)} images are marked invalid",
             "such frames are left out",
@@ -231,7 +231,7 @@ def _repeated_images(recording: Recording, progress: Progress | None) -> Iterato
     repeats = np.array([a == b for a, b in pairwise(digests)], dtype=bool)
     if repeats.any():
         run, first = longest_run(repeats), int(np.flatnonzero(repeats)[0]) + 1
-        yield warning(
+        yield _warning(
             "frozen-images" if run >= FROZEN_RUN else "duplicated-images",
             f"{repeats.sum()} of {len(digests)} images repeat the one before them, first at frame {first}, up to "
             f"{run} in a row",
@@ -247,3 +247,7 @@ def _tool(poses: Poses) -> ToolSummary:
         longest_loss=longest_run(~poses.valid),
         travel_mm=travel_mm(poses.matrices[poses.valid]),
     )
+
+
+def _warning(code: str, message: str, advice: str) -> Diagnostic:
+    return Diagnostic(code=code, severity="warning", message=message, advice=advice)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sonocal.findings import Diagnostic
 
-__all__ = ["stamp_findings", "warning"]
+__all__ = ["stamp_findings"]
 
 # A gap is this many usual intervals; one or two dropped frames are normal.
 GAP_FACTOR = 4.0
@@ -21,14 +21,14 @@ def stamp_findings(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
     """The findings of stamps (N,), s; NaN: none."""
     if np.isnan(times).all():
         if len(times) > 1:
-            yield warning(
+            yield _warning(
                 "no-times", "no item has a time stamp", "poses cannot be moved in time; record with stamps"
             )
         return
     steps = np.diff(times)
     if (steps < 0).any():
         i = int(np.flatnonzero(steps < 0)[0]) + 1
-        yield warning(
+        yield _warning(
             "stamps-out-of-order",
             f"{(steps < 0).sum()} stamps are earlier than the one before them, first at frame {i} "
             f"({times[i - 1]:.3f} s, then {times[i]:.3f} s)",
@@ -41,7 +41,7 @@ def stamp_findings(times: NDArray[np.float64]) -> Iterator[Diagnostic]:
     if len(gaps):
         widest = int(gaps[np.argmax(steps[gaps])])
         what = "gap is" if len(gaps) == 1 else "gaps are"
-        yield warning(
+        yield _warning(
             "gaps",
             f"{len(gaps)} {what} longer than {GAP_FACTOR:g} usual intervals of {1000 * usual:.0f} ms, the longest "
             f"{1000 * float(steps[widest]):.0f} ms after frame {widest}",
@@ -54,7 +54,7 @@ def _repeated_stamps(times: NDArray[np.float64], steps: NDArray[np.float64]) -> 
     alike = int((steps == 0).sum())
     if alike <= COARSE * len(steps):
         i = int(np.flatnonzero(steps == 0)[0]) + 1
-        return warning(
+        return _warning(
             "stamps-repeated",
             f"{alike} frames have the stamp of the frame before them, first frame {i}",
             "delete the repeated frames; a copy is not a second measurement",
@@ -63,7 +63,7 @@ def _repeated_stamps(times: NDArray[np.float64], steps: NDArray[np.float64]) -> 
     clock = (
         f"the clock goes on by {np.median(forward):.3g} s at a time" if len(forward) else "the clock stands"
     )
-    return warning(
+    return _warning(
         "stamps-repeated",
         f"{alike} of {len(times)} frames have the stamp of the frame before them: {clock}",
         "stamp each frame with a time of its own, as no latency can be told of these; delete frames only if they are "
@@ -71,6 +71,5 @@ def _repeated_stamps(times: NDArray[np.float64], steps: NDArray[np.float64]) -> 
     )
 
 
-def warning(code: str, message: str, advice: str) -> Diagnostic:
-    """A finding to read before a recording is used."""
+def _warning(code: str, message: str, advice: str) -> Diagnostic:
     return Diagnostic(code=code, severity="warning", message=message, advice=advice)
