@@ -47,7 +47,7 @@ def off_and_predicted(scan, calibration):
     ],
 )
 def test_an_odd_tank_gives_the_right_answer_or_none(how):
-    scan = tank_scan(7, "walls", 16, **how)
+    scan = tank_scan(7, "walls", 24, **how)
     found = calibrate_recording(scan.recording, scan.targets).calibration
     error, predicted = off_and_predicted(scan, found)
     assert np.all(error < FAR_OFF * predicted)
@@ -63,7 +63,7 @@ def test_a_tank_without_walls_is_refused_with_why():
 
 
 def test_a_wall_that_nothing_names_above_those_that_are_named_is_said():
-    scan = tank_scan(7, "walls", 16, other_mm=12.0)
+    scan = tank_scan(7, "walls", 24, other_mm=12.0)
     found = calibrate_recording(scan.recording, scan.targets).calibration
     error, _ = off_and_predicted(scan, found)
     (said,) = [one for one in found.warnings if one.code == "second-wall"]
@@ -72,7 +72,7 @@ def test_a_wall_that_nothing_names_above_those_that_are_named_is_said():
 
 
 def test_a_wall_s_other_face_is_no_warning():
-    scan = tank_scan(7, "walls", 16)
+    scan = tank_scan(7, "walls", 24)
     found = calibrate_recording(scan.recording, scan.targets).calibration
     (said,) = [one for one in found.diagnostics if one.code == "second-wall"]
     assert said.severity == "info"

@@ -70,20 +70,14 @@ def noise_beyond(
     """
     turn = _turn_in_sighting(mapped, rows)
     beyond = np.vstack([-taken, np.eye(taken.shape[1])])
-    moved = np.concatenate(
-        [
-            np.concatenate([one[..., :-1] @ beyond, one[..., -1:]], axis=2)
-            for one in moved_by_noise(mapped, rows, columns_at, levels[0])
-        ],
-        axis=2,
-    )
     products: Array = np.zeros((taken.shape[1] + 1,) * 2)
-    for one in range(int(turn.max()) + 1):  # each row of a sighting has noise of its own
-        mine = np.concatenate(
-            [moved * (turn == one)[:, None, None], mapped.residuals[rows][:, :, None]], axis=2
-        )
-        white = whitened(mapped, rows, mine, levels)[..., :-1].reshape(-1, len(products))
-        products += white.T @ white
+    for moved in moved_by_noise(mapped, rows, columns_at, levels[0]):
+        both = np.concatenate([moved[..., :-1] @ beyond, moved[..., -1:]], axis=2)
+        for one in range(int(turn.max()) + 1):  # each row of a sighting has noise of its own
+            mine = both * (turn == one)[:, None, None]
+            mine = np.concatenate([mine, mapped.residuals[rows][:, :, None]], axis=2)
+            white = whitened(mapped, rows, mine, levels)[..., :-1].reshape(-1, len(products))
+            products += white.T @ white
     return products[:-1, :-1], products[:-1, -1]
 
 
