@@ -23,6 +23,7 @@ from tests.builders.damage import KINDS
 from tests.builders.file_calls import home
 from tests.builders.hostile import Hostile
 from tests.builders.mixed_tables import mixed_table
+from tests.builders.point_calls import pointed
 from tests.builders.readers import READERS, sound_files
 
 OPTIONS: dict[str, list[Any]] = {
@@ -287,6 +288,7 @@ def files() -> dict[str, bytes]:
 CALLS: dict[str, Callable[[Hostile], Any]] = {
     "calibrate": calibrated,
     "validate": validated,
+    "points": lambda h: pointed(h, sound()),
     "register": registered,
     "parse_observations": parsed,
     "parse_calibration": loaded,

@@ -59,6 +59,8 @@ class PointSightings:
     __repr__ = brief
 
     def __post_init__(self) -> None:
+        if self.points_px is None:
+            raise InputError(f"{self.source}: points_px must have shape (N, 2) or (N, 3); got None")
         for name in ("points_px", "points_mm", "tracker_from_probe"):
             if (given := getattr(self, name)) is not None:
                 object.__setattr__(self, name, real_array(f"{self.source}: {name}", given))
@@ -72,12 +74,14 @@ class PointSightings:
                 f"{self.source}: points_px must have shape (N, 2) or (N, 3); got {self.points_px.shape}"
             )
         count = len(self.points_px)
+        if count == 0:
+            raise InputError(f"{self.source}: has no points; give at least one")
         for name, shape in (("points_mm", (count, 3)), ("tracker_from_probe", (count, 4, 4))):
             value = getattr(self, name)
             if value is not None and value.shape != shape:
                 raise InputError(f"{self.source}: {name} must have shape {shape}; got {value.shape}")
-        object.__setattr__(self, "target", np.full(count, "point") if self.target is None else self.target)
-        object.__setattr__(self, "frame", np.arange(count) if self.frame is None else self.frame)
+        self._set_column("target", np.full(count, "point"), np.str_)
+        self._set_column("frame", np.arange(count), np.int64)
         self._check_values()
 
     def __len__(self) -> int:
@@ -111,6 +115,19 @@ class PointSightings:
             return self.points_mm
         rotation, offset = self.tracker_from_probe[:, :3, :3], self.tracker_from_probe[:, :3, 3]
         return np.asarray(np.einsum("nji,nj->ni", rotation, self.points_mm - offset))
+
+    def _set_column(self, name: str, otherwise: NDArray[Any], kind: type) -> None:
+        """Names or numbers of frames, one a row."""
+        given = otherwise if getattr(self, name) is None else getattr(self, name)
+        try:
+            column: NDArray[Any] = np.asarray(given).astype(
+                kind, casting="unsafe" if kind is np.str_ else "same_kind"
+            )
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"{self.source}: {name} must be one a row; {error}") from None
+        if column.shape != otherwise.shape:
+            raise InputError(f"{self.source}: {name} must have shape {otherwise.shape}; got {column.shape}")
+        object.__setattr__(self, name, column)
 
     def _check_values(self) -> None:
         for name in ("points_px", "points_mm", "tracker_from_probe"):
