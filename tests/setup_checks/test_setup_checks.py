@@ -34,7 +34,7 @@ from sonocal.setup_checks.lag_search import find_lag
 from sonocal.setup_checks.rows_in_time import RowsInTime
 
 SEEDS = range(20)
-# Of 50 scans: found in at least, raised without cause in at most.
+# Of 20 scans: found in at least, raised without cause in at most.
 FOUND, FALSE = 19, 1
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Observations",
+    "column_of",
     "group_codes",
 ]
 
@@ -299,13 +300,13 @@ class Observations:
         object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
 
     def _set_column(self, name: str, values: ArrayLike, kind: type) -> None:
-        column = _column(f"{self.source}: {name}", values, kind)
+        column = column_of(f"{self.source}: {name}", values, kind)
         if column.shape != (len(self),):
             raise InputError(f"{self.source}: {name} must have shape ({len(self)},); got {column.shape}")
         self._set(name, column)
 
     def _extra(self, name: str, values: ArrayLike) -> NDArray[Any]:
-        column = _column(f"{self.source}: extra column {name}", values, np.str_)
+        column = column_of(f"{self.source}: extra column {name}", values, np.str_)
         if not isinstance(name, str) or column.shape != (len(self),):
             raise InputError(
                 f"{self.source}: extra column {name!r} must have a name and shape ({len(self)},); got {column.shape}"
@@ -382,7 +383,7 @@ class Observations:
         return int(first[inverse.reshape(-1)[second]]), second
 
 
-def _column(what: str, values: ArrayLike, kind: type) -> NDArray[Any]:
+def column_of(what: str, values: ArrayLike, kind: type) -> NDArray[Any]:
     """A column of numbers, whole numbers or text, copied."""
     if kind is np.float64:
         return np.array(real_array(what, values))

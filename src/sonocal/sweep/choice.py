@@ -252,11 +252,11 @@ def _nothing_found(
             best_count=best,
         )
     images = len(np.unique(table.rows.frame))
-    what = "few" if best < ENOUGH * total else "many"
+    few = best < ENOUGH * total
     check = f"check in the contact sheet that {table.wanted} is visible and marked"
     return NoConsensusError(
         f"{table.rows.source}: no calibration agrees with more than {best} of {total} {table.counted}; "
-        f"{len(table)} candidates in {images} images were tried, and so {what} agree by chance within "
-        f"{table.within_mm:.3g} mm; {check if what == 'few' else 'give a smaller threshold, or ' + check}",
+        f"{len(table)} candidates in {images} images were tried, and so {'few' if few else 'many'} agree by chance "
+        f"within {table.within_mm:.3g} mm; {check if few else 'give a smaller threshold, or ' + check}",
         best_count=best,
     )

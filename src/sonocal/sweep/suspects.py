@@ -106,9 +106,8 @@ class Suspects:
                 accepted = calibration.area_px, self.options.tolerance_mm, calibration.area_name
                 found += tuple(spoiling_lag(self._lag, calibration.probe_from_image, accepted))
             better = {one.code for one in found} | (BETTER_SAID if found else set())
-            if (
-                used < ENOUGH * sightings
-            ):  # who may agree by chance, and then follow the needle's speed as well
+            # Few may agree by chance, and then follow the needle's speed as well.
+            if used < ENOUGH * sightings:
                 better |= OF_A_LAG
             return (*found, *(one for one in own if one.code not in better))
 

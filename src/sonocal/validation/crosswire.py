@@ -12,6 +12,7 @@ from sonocal.geometry import Array, AxisScaled, Similarity, homogeneous_points
 from sonocal.observations import group_codes
 from sonocal.validation.point_table import PointSightings
 from sonocal.validation.quantity import Quantity, rms_quantity
+from sonocal.validation.turns import turned_deg
 
 __all__ = ["CrosswireFit", "fit_crosswire", "fixed_point_spread", "reconstruction_accuracy"]
 
@@ -80,7 +81,8 @@ def fixed_point_spread(probe_from_image: AxisScaled, sightings: PointSightings) 
     counts = np.bincount(target)
     if counts.max() < 2:
         raise InputError(f"{sightings.source}: no point is seen twice; scan the cross-wire from many poses")
-    turned = float(np.degrees(_turned_rad(sightings.poses[:, :3, :3])))
+    rotations = sightings.poses[:, :3, :3]
+    turned = float(turned_deg(rotations[0], rotations).max())
     if turned < LEAST_TURN_DEG:
         raise InputError(
             f"{sightings.source}: the probe turned by {turned:.1f} deg between sightings, so that no error of the "
@@ -155,12 +157,6 @@ def _linear_crosswire(poses: Array, pixels: Array) -> tuple[Similarity, Array, f
     rotation = np.column_stack([in_plane, np.cross(in_plane[:, 0], in_plane[:, 1])])
     rms = float(np.sqrt(np.sum((system @ solution - right) ** 2) / len(poses)))
     return Similarity(rotation, solution[6:9], values.mean()), solution[9:], rms
-
-
-def _turned_rad(rotations: Array) -> float:
-    """By how much the furthest of rotations (N, 3, 3) is turned against the first."""
-    traces = np.einsum("ij,nij->n", rotations[0], rotations)
-    return float(np.arccos(np.clip((traces.min() - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def _carried(poses: Array, points: ArrayLike) -> Array:

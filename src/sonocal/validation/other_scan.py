@@ -12,6 +12,7 @@ from sonocal.errors import SonocalError
 from sonocal.findings import Diagnostic
 from sonocal.geometry import Array
 from sonocal.observations import Observations
+from sonocal.validation.turns import turned_deg
 
 __all__ = ["other_scale", "sound_alone"]
 
@@ -38,7 +39,7 @@ def other_scale(calibration: Calibration, own: Calibration) -> Iterator[Diagnost
     ratios = second.scales[:d] / scales - 1.0
     ratio = float(ratios[np.argmax(np.abs(ratios))])
     known = np.hypot(share, scale_known(own))
-    if not abs(ratio) > max(UNEQUAL, known) or not _turned_deg(first.rotation, second.rotation) < TURNED_DEG:
+    if not abs(ratio) > max(UNEQUAL, known) or not turned_deg(first.rotation, second.rotation) < TURNED_DEG:
         return
     yield Diagnostic(
         code="other-depth-setting",
@@ -61,8 +62,3 @@ def _of_its_rows(calibration: Calibration) -> tuple[Array, float]:
         if test.narrower == "rigid" and test.contradicts:
             return np.full(calibration.dimension, test.wider_mm_per_px[0]), test.apart_95
     return calibration.probe_from_image.scales[: calibration.dimension], scale_known(calibration)
-
-
-def _turned_deg(one: Array, other: Array) -> float:
-    chord = np.linalg.norm(one.T @ other - np.eye(3))
-    return float(np.degrees(2.0 * np.arcsin(min(chord / np.sqrt(8.0), 1.0))))

@@ -19,6 +19,7 @@ from sonocal.files.tables import (
 )
 from sonocal.geometry import FURTHEST, Array, real_array
 from sonocal.geometry.shown import brief
+from sonocal.observations.table import column_of
 
 __all__ = ["PLACE_COLUMNS", "POSE_COLUMNS", "PointSightings", "parse_point_sightings", "read_point_sightings"]
 
@@ -119,12 +120,7 @@ class PointSightings:
     def _set_column(self, name: str, otherwise: NDArray[Any], kind: type) -> None:
         """Names or numbers of frames, one a row."""
         given = otherwise if getattr(self, name) is None else getattr(self, name)
-        try:
-            column: NDArray[Any] = np.asarray(given).astype(
-                kind, casting="unsafe" if kind is np.str_ else "same_kind"
-            )
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"{self.source}: {name} must be one a row; {error}") from None
+        column = column_of(f"{self.source}: {name}", given, kind)
         if column.shape != otherwise.shape:
             raise InputError(f"{self.source}: {name} must have shape {otherwise.shape}; got {column.shape}")
         object.__setattr__(self, name, column)

@@ -203,13 +203,11 @@ def refuse_table(head: Head) -> None:
 
 # What has no name of a column and is no table, by how many numbers its rows have.
 PARTS_OF_MATRICES: dict[tuple[int, ...], str] = {
-    (4, 4, 4): "3 rows of 4 numbers, a 4 x 4 matrix without its last row; add the row 0 0 0 1",
-    (
-        3,
-        3,
-        3,
-    ): "3 rows of 3 numbers, a rotation without a place; write 4 rows of 4 numbers, of which the last column "
-    "is the place in mm and the last row 0 0 0 1",
+    (4,) * 3: "3 rows of 4 numbers, a 4 x 4 matrix without its last row; add the row 0 0 0 1",
+    (3,) * 3: (
+        "3 rows of 3 numbers, a rotation without a place; write 4 rows of 4 numbers, of which the last column is the "
+        "place in mm and the last row 0 0 0 1"
+    ),
 }
 
 
